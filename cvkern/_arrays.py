@@ -81,6 +81,11 @@ class Library(ABC):
         """Move an axis to the end."""
         return self.module.moveaxis(array, axis, -1)
 
+    def join(self, arrays: list[Any]) -> Any:
+        """Return arrays of one dtype, one after the other; None if the library cannot."""
+        join = getattr(getattr(self, "module", None), "concatenate", None)
+        return None if join is None else join(arrays)
+
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
         """Return the sorted distinct values of `array` and `extra`, and the index of each."""
         flat = array.reshape(-1)
@@ -193,6 +198,11 @@ class CuPy(Library):
         """Convert on the array's own device."""
         with array.device:
             return self.module.ascontiguousarray(array, dtype)
+
+    def join(self, arrays: list[Any]) -> Any:
+        """Join them on their device."""
+        with arrays[0].device:
+            return self.module.concatenate(arrays)
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate from CuPy's memory pool."""

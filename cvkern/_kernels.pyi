@@ -61,6 +61,7 @@ class Folder:
         from cvkern.kernels.warp.radiance import appearance as appearance
         from cvkern.kernels.warp.radiance import compositing as compositing
         from cvkern.kernels.warp.radiance import distractors as distractors
+        from cvkern.kernels.warp.radiance import embeddings as embeddings
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole
         from cvkern.kernels.warp.radiance import rendering as rendering

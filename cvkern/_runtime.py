@@ -10,7 +10,7 @@ import importlib.util
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from functools import lru_cache
@@ -20,6 +20,7 @@ import numpy as np
 
 from cvkern import _arrays
 from cvkern._arrays import NUMPY, Library, Order
+from cvkern._checks import as_items
 from cvkern._kernels import Folder
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
@@ -293,6 +294,10 @@ class Runtime(Folder):
         """Copy host values of the same shape and dtype into a kernel array."""
         self._set.write(array, np.ascontiguousarray(values))
 
+    def stream(self) -> int:
+        """Return the address of the CUDA stream that this thread's launches go to."""
+        return self._set.stream(self.device)
+
     def free_memory(self) -> int:
         """Return the number of free bytes on a GPU."""
         return self._set.free_memory(self.device)
@@ -314,6 +319,14 @@ class Runtime(Folder):
         This thread must have run `call` before: the launches use the same scratch memory again.
         """
         return self._set.record(call, self.device)
+
+    def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
+        """Launch what `call` launches; Warp on CUDA does it by one graph from the second time on.
+
+        All that `call` does must follow from its key and from the addresses and shapes of the
+        arrays, which include its inputs and all scratch memory that is used after it.
+        """
+        self._set.repeat(key, call, arrays)
 
     @property
     def matrix_dtype(self) -> np.dtype:
@@ -346,6 +359,19 @@ class Runtime(Folder):
         """Wait for a kernel array and copy it to the host."""
         refuse_capture("a value needed on the host")
         return self._set.to_numpy(array)
+
+
+def check_devices(devices: Sequence[str] | None) -> list[str]:
+    """Return the devices that a call names, all of which exist; by default that in use."""
+    if devices is None:
+        return [choice()[1]]
+    found = list(as_items(devices, "devices", "names of devices"))
+    if not found:
+        raise ValueError("devices must name at least one, got none")
+    for place in found:
+        with use(device=place):
+            pass
+    return found
 
 
 def pinned() -> Callable[[], use]:

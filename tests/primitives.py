@@ -48,7 +48,8 @@ class Primitives:
     def __call__(self, primitive, *arguments, out):
         """Call "FAMILY.MODULE.NAME" with inputs, then with outputs.
 
-        An output is the (shape, dtype) of an array of nothing useful, or an array to begin with.
+        An output is the (shape, dtype) of an array of nothing useful, or an array to begin with, or
+        None.
         Named tuples of inputs and of outputs are handed over as such.
         """
         module, _, name = primitive.rpartition(".")
@@ -57,6 +58,8 @@ class Primitives:
         results, guards, carried = [], [], []
 
         def begin(output):
+            if output is None:
+                return None
             before = output if isinstance(output, np.ndarray) else np.full(output[0], 77, output[1])
             guards.append(Guarded(before))
             results.append(guards[-1].array)

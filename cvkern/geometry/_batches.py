@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._checks import as_items, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.geometry._matches import Batch
-from cvkern.geometry._points import check_pairs, on_host
+from cvkern.geometry._points import all_on_host, check_pairs
 from cvkern.geometry.robust import RobustFits, Search
 from cvkern.kernels.codes.geometry import MAX_MATCHES
 
@@ -61,7 +61,8 @@ def batch_of(checked: list[tuple[Any, Any]], name: str) -> Batched:
             raise ValueError(f"{name} must be at most {MAX_MATCHES}, got {len(a)}")
     offsets = np.cumsum([0] + [len(a) for a, _ in checked], dtype=np.int64)
     rt = runtime(*(points for pair in checked for points in pair))
-    return Batched(rt, [(on_host(rt, a), on_host(rt, b)) for a, b in checked], offsets)
+    sides = (all_on_host(rt, list(side)) for side in zip(*checked, strict=True))
+    return Batched(rt, list(zip(*sides, strict=True)), offsets)
 
 
 def search_options(threshold: Any, confidence: Any, max_trials: Any, seed: Any) -> Search:

@@ -54,6 +54,18 @@ def on_host(rt: Runtime, array: Any) -> np.ndarray:
     return rt.to_numpy(rt.adopt(array, wide)).astype(np.float64)
 
 
+def all_on_host(rt: Runtime, arrays: list[Any]) -> list[np.ndarray]:
+    """Return arrays (N, K) as :func:`on_host` does; those of a GPU come in one copy if they can."""
+    filled = [a for a in arrays if len(a)]
+    kinds = {(type(a), _arrays.library(a).dtype(a)) for a in filled}
+    if rt.device == "cpu" or len(filled) < 2 or len(kinds) > 1 or isinstance(filled[0], np.ndarray):
+        return [on_host(rt, a) for a in arrays]
+    joined = _arrays.library(filled[0]).join(filled)
+    if joined is None:
+        return [on_host(rt, a) for a in arrays]
+    return np.split(on_host(rt, joined), np.cumsum([len(a) for a in arrays])[:-1])
+
+
 def xy(points: np.ndarray) -> np.ndarray:
     """Exchange row and column."""
     return np.ascontiguousarray(points[:, ::-1])

@@ -1,4 +1,4 @@
-"""The light of each photograph: an affine map of its colours, learnt with the field."""
+"""The light of each photograph as an affine map of its colours, learnt with the field."""
 
 from __future__ import annotations
 
@@ -8,19 +8,21 @@ import numpy as np
 
 from cvkern._checks import as_array, check_instance
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import AdamRule
-from cvkern.radiance.fields.field import Learning
+from cvkern.kernels.codes.radiance import LIGHT_PARTS, AdamRule
+from cvkern.radiance.embeddings import search
+from cvkern.radiance.fields.field import Learning, View
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import APPEARANCE, Model
-from cvkern.radiance.pinhole import Cameras
-from cvkern.radiance.rendering import render
+from cvkern.radiance.pinhole import Cameras, pixel_rays
+from cvkern.radiance.rendering import Renderer, owned, render
 
 __all__ = ["fit_appearance"]
 
 RATE, WARMUP, FINAL = 1e-2, 100, 0.1  # learning rate, steps until it is full, share at the end
 RIDGE = 1e-4  # weight of the identity in the fit of a photograph's map, for each pixel
 DECAY = 3e-4  # weight decay towards the identity
+PIXELS = 4096  # most pixels of the search for the light of a new photograph
 
 
 class Appearance:
@@ -30,6 +32,7 @@ class Appearance:
         self.rt = rt
         self.table = Parameters(rt, np.zeros((images, 12)), np.dtype(np.float32))
         self.shown = rt.zeros((rays, 3))
+        self._parts = rt.zeros((LIGHT_PARTS, images, 12))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
 
     def forward(self, color: Any, opacity: Any, views: Any) -> Any:
@@ -41,8 +44,9 @@ class Appearance:
     def backward(self, active: Any, d_color: Any, d_opacity: Any) -> None:
         """Turn gradients by the colours of :meth:`forward` into those by the composited ones."""
         self.rt.radiance.appearance.backward(
-            *self._seen, self.table.values, active, d_color, d_opacity, self.table.gradients
-        )
+            *self._seen, self.table.values, active, d_color, d_opacity, self._parts,
+            self.table.gradients,
+        )  # fmt: skip
 
     def learn(self, learning: Learning, scale: float) -> None:
         """Update the maps; `scale` is that of the gradients."""
@@ -81,9 +85,12 @@ def fit_appearance(
 
     Returns
     -------
-    array of shape (3, 4), float64
-        The matrix (A, b) of the map A c + b of colours, for ``render(..., appearance=matrix)``: the
-        least squares over the pixels, with a weak preference for the identity.
+    array of shape (3, 4) or (16,), float64
+        The light, for ``render(..., appearance=light)``. It is the matrix (A, b) of the map A c + b
+        of colours: the least squares over the pixels, with a weak preference for the identity. For
+        a model that was trained with ``appearance="embedding"``, it is the 16 numbers of least
+        squares over at most 4096 of the pixels, by Levenberg's and Marquardt's method, with a weak
+        preference for the mean of the known lights.
 
     Raises
     ------
@@ -115,11 +122,19 @@ def fit_appearance(
         raise ValueError(f"mask must have shape {shape}, got {chosen.shape}")
     if not chosen.any():
         raise ValueError("mask must choose a pixel, got none")
-    seen = render(model, cameras, view, background=(0, 0, 0), appearance=np.eye(3, 4))
+    embedded = model.appearance == "embedding"
+    if embedded:
+        few = np.argwhere(chosen)
+        few = few[:: -(-len(few) // PIXELS)]
+        chosen = np.zeros(shape, bool)
+        chosen[tuple(few.T)] = True
     wanted = photo[chosen].astype(np.float64) / 255
     color, opacity = wanted[:, :3], np.ones(len(wanted))
     if photo.shape[2] == 4:
         color, opacity = color * wanted[:, 3:], wanted[:, 3]
+    if embedded:
+        return _searched(model, pixel_rays(cameras, view, few), color, opacity)
+    seen = render(model, cameras, view, background=(0, 0, 0), appearance=np.eye(3, 4))
     found = np.column_stack((seen.color[chosen], seen.opacity[chosen])).astype(np.float64)
     # What the field does not cover is background, in the photograph too.
     left = (opacity - found[:, 3])[:, None] * model.behind
@@ -127,3 +142,22 @@ def fit_appearance(
     system = found.T @ found + RIDGE * len(found) * np.eye(4)
     change = np.linalg.solve(system, found.T @ (color - left - found @ start.T))
     return start + change.T
+
+
+def _searched(
+    model: Model, rays: tuple[np.ndarray, np.ndarray], color: np.ndarray, opacity: np.ndarray
+) -> np.ndarray:
+    """Return the numbers of the light in which rays of the world have these colours."""
+    rt, bounds, count = model.rt, model.frame.bounds, len(color)
+    origins = (rays[0] - np.array(bounds.center)) / bounds.half
+    places = owned(rt, origins.astype(np.float32)), owned(rt, rays[1].astype(np.float32))
+    seen = View(rt.zeros((count, 3)), rt.zeros((count,)), rt.zeros((count,)))
+    draw = Renderer(model.field, rt)
+
+    def errors(light: np.ndarray) -> np.ndarray:
+        draw.look(*places, seen, light.astype(np.float32).reshape(1, -1))
+        found = rt.to_numpy(seen.color).astype(np.float64)
+        left = (opacity - rt.to_numpy(seen.opacity))[:, None] * model.behind
+        return (found + left - color).ravel()
+
+    return search(model.appearances[model.extra[APPEARANCE + "views"]], errors)

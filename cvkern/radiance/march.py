@@ -13,7 +13,7 @@ from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.codes.radiance import Composited, March, Rays, Space, Views
+from cvkern.kernels.codes.radiance import Composited, Lights, March, Rays, Space, Views
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 
 CELLS = 128  # cells of the occupancy grid along a side, in each level
@@ -105,6 +105,7 @@ class SampledField(Field):
         self._updates: dict[bool, Any] = {}
         self._viewing: Viewing | None = None
         self._sides: Any = None  # directions that have nothing to do with the rays
+        self.lights: Any = None  # `Lights`, or None if the field is not lit
 
     @abc.abstractmethod
     def inner(self, room: int) -> dict[str, Any]:
@@ -121,6 +122,14 @@ class SampledField(Field):
     @abc.abstractmethod
     def evaluate_backward(self) -> None:
         """Add to the parameters' gradients, from `d_sigma` and `d_rgb` of the field's samples."""
+
+    @abc.abstractmethod
+    def d_lights(self) -> Any:
+        """Return gradients of the last :meth:`backward` by the light of each sample, (M, 16)."""
+
+    def light(self, lights: Lights) -> None:
+        """See :meth:`Field.light`."""
+        self.lights = lights
 
     def _room_for(self, room: int, total: Any) -> Samples:
         """Allocate `room` samples; `total` (1,) is the number in use."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_code, check_integer, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.radiance import Background
+from cvkern.kernels.codes.radiance import LIGHT, Background
 from cvkern.radiance import checkpoints
 from cvkern.radiance.distractors import DISTRACTORS, patches_of
 from cvkern.radiance.fields.field import Field, Frame
@@ -25,7 +25,8 @@ from cvkern.radiance.scenes.photographs import Bounds
 __all__ = ["Mark", "Model", "load_model"]
 
 MOST_VIEWS, MOST_MARKS = 2**20, 2**24  # rows that a file may have
-APPEARANCES = ("affine",)
+# The lights of photographs, and how many numbers each has.
+APPEARANCES = {"affine": 12, "embedding": LIGHT}
 APPEARANCE = "appearance."  # begins the names of the arrays of photographs' lights
 TRANSIENT = "transient."  # begins the names of the arrays of what passes
 NODES, MOST_NODES = 4, 64  # least distance between nodes, pixels; most along a photograph, about
@@ -92,7 +93,7 @@ class Model:
     extra: dict[str, np.ndarray]
     """The arrays that a resumed training needs in addition to the state of the field."""
     appearance: str | None = None
-    """How the light of photographs is modelled: None or 'affine'."""
+    """How the light of photographs is modelled: None, 'affine' or 'embedding'."""
     gauge: int = 0
     """The number of the photograph whose light pictures have by default, among ``cameras``."""
     robust: bool = False
@@ -102,15 +103,20 @@ class Model:
 
     @property
     def appearances(self) -> np.ndarray:
-        """The matrices (A, b) that map colours c to A c + b for the light of each photograph.
+        """The light of each photograph.
 
-        (N, 3, 4) float64, one for each of ``cameras``; the identity for photographs that the model
-        was not trained on, and for all without `appearance`.
+        Matrices (A, b) that map colours c to A c + b, (N, 3, 4) float64, one for each of
+        ``cameras``: the identity for photographs that the model was not trained on, and for all
+        without `appearance`. For an 'embedding', (N, 16) float64 instead: zeros for photographs
+        that the model was not trained on.
         """
-        found = np.tile(np.eye(3, 4), (len(self.cameras), 1, 1))
+        if self.appearance == "embedding":
+            found = np.zeros((len(self.cameras), LIGHT))
+        else:
+            found = np.tile(np.eye(3, 4), (len(self.cameras), 1, 1))
         if self.appearance is not None:
-            views = self.extra[APPEARANCE + "views"]
-            found[views] += self.extra[APPEARANCE + "values"].reshape(-1, 3, 4)
+            views, values = (self.extra[APPEARANCE + name] for name in ("views", "values"))
+            found[views] += values.reshape(-1, *found.shape[1:])
         return found
 
     @property
@@ -260,21 +266,48 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     marks = taken(arrays, "marks", (count, len(Mark._fields)), np.float64)
     training.marks = [Mark(int(m[0]), *map(float, m[1:])) for m in marks]
     behind = taken(arrays, "behind", (3,))
-    made = settings.build(runtime(), frame, int(header["seed"]))
+    appearance = header.get("appearance")
+    if appearance is not None:
+        check_choice(appearance, tuple(APPEARANCES), "appearance")
+    made = built(settings, frame, int(header["seed"]), appearance)
     check_integer(training.step, "step", 0, 2**31 - 1)
     check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
     made.restore(arrays.part("state"))
     given = arrays.part("extra")
-    extra = {name: _extra(given, name, views) for name in given}
+    numbers = 0 if appearance is None else APPEARANCES[appearance]
+    extra = {name: _extra(given, name, views, numbers) for name in given}
+    if appearance is not None:
+        _check_rows(extra, APPEARANCE, "values")
     return Model(made, settings, header["background"], behind.astype(np.float32), views,
-                 int(header["seed"]), training, extra, _appearance(header, extra),
+                 int(header["seed"]), training, extra, appearance,
                  int(header.get("gauge", 0)),
                  _flag(header, extra, "robust", DISTRACTORS, "share"),
                  _flag(header, extra, "transient", TRANSIENT, "values"))  # fmt: skip
 
 
-def _extra(given: checkpoints.Stored, name: str, cameras: Cameras) -> np.ndarray:
-    """Return a colour, or numbers of each photograph, or what their optimizers need."""
+def built(settings: Any, frame: Frame, seed: int, appearance: str | None) -> Field:
+    """Return the field of settings, for this kind of light.
+
+    Raises
+    ------
+    ValueError
+        If the field has no perceptron of colours, which an 'embedding' needs.
+    """
+    if appearance != "embedding":
+        return settings.build(runtime(), frame, seed)
+    if not isinstance(settings, (HashField, MLPField)):
+        raise ValueError(
+            "appearance must be 'affine' for a field without a perceptron of colours, got "
+            f"'embedding' for a {type(settings).__name__}"
+        )
+    return settings.build(runtime(), frame, seed, lit=True)
+
+
+def _extra(given: checkpoints.Stored, name: str, cameras: Cameras, numbers: int) -> np.ndarray:
+    """Return a colour, or numbers of each photograph, or what their optimizers need.
+
+    `numbers` are those of the light of a photograph.
+    """
     if name == DISTRACTORS + "noise":
         return taken(given, name, (1,))
     if not name.startswith((APPEARANCE, DISTRACTORS, TRANSIENT)):
@@ -289,19 +322,10 @@ def _extra(given: checkpoints.Stored, name: str, cameras: Cameras) -> np.ndarray
     if name.startswith(TRANSIENT) and not name.endswith("views"):
         return taken(given, name, (count, *nodes_of(cameras.height, cameras.width)[1:], 5))
     if not name.endswith("views"):
-        return taken(given, name, (count, 12))
+        return taken(given, name, (count, numbers))
     found = taken(given, name, (count,), np.int32)
     if count and not 0 <= found.min() <= found.max() < views:
         raise ValueError(f"{name} must be numbers of cameras, got {found.min()} to {found.max()}")
-    return found
-
-
-def _appearance(header: dict[str, Any], extra: dict[str, np.ndarray]) -> str | None:
-    """Return how the light of photographs is modelled, if its arrays are there."""
-    found = header.get("appearance")
-    if found is not None:
-        check_choice(found, APPEARANCES, "appearance")
-        _check_rows(extra, APPEARANCE, "values")
     return found
 
 

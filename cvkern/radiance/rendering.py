@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
-    FLOAT32_MAX,
     as_items,
     as_numbers,
     check_flag,
@@ -19,7 +18,8 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import CameraSet
+from cvkern.kernels.codes.radiance import LIGHT, CameraSet, Lights
+from cvkern.radiance.embeddings import light_of
 from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
@@ -72,10 +72,11 @@ def render(
         Index of the camera.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
-    appearance : int or array of shape (3, 4), optional
+    appearance : int, or array of shape (3, 4) or (16,), optional
         The light: that of a photograph, by its number among ``model.cameras``, or a matrix (A, b)
         that maps colours c to A c + b, such as one of ``model.appearances``, a mean of two, or the
-        result of :func:`fit_appearance`. By default the light of the photograph ``model.gauge``.
+        result of :func:`fit_appearance`; 16 numbers instead if the model was trained with
+        ``appearance="embedding"``. By default the light of the photograph ``model.gauge``.
 
     Returns
     -------
@@ -87,8 +88,8 @@ def render(
         If `view` is not an integer, or the background or `appearance` does not hold numbers.
     ValueError
         If there is no such view, the background is not three numbers in [0, 1], `appearance` is
-        neither a photograph nor (3, 4) finite numbers, or the camera is more than 32768 half-sides
-        of the scene's cube from its middle.
+        neither a photograph nor finite numbers of the model's shape, or the camera is more than
+        32768 half-sides of the scene's cube from its middle.
 
     Examples
     --------
@@ -115,7 +116,7 @@ class Renderer:
     def __call__(
         self, cameras: Cameras, view: int, behind: np.ndarray, light: np.ndarray | None = None
     ) -> Picture:
-        """Render a view; `light` (1, 12) is what a map of colours adds to them, in float32."""
+        """Render a view in a light of :func:`light_of`."""
         rt, frame, width = self.rt, self.field.frame, cameras.width
         lens = on_device(rt, frame, cameras.select([view]))
         count = cameras.height * width
@@ -127,16 +128,26 @@ class Renderer:
             shape = part.stop - begin, 3
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
             rt.radiance.pinhole.view_rays(lens, 0, begin, origins, directions)
-            self.field.see(origins, directions, View(*(a[part] for a in seen)))
-        if light is not None:
-            views = rt.scratch("view.light", (count,), np.int32)
-            rt.clear(views)
-            rt.radiance.appearance.apply(
-                seen.color, seen.opacity, views, rt.send("view.table", light), seen.color
-            )
+            self.look(origins, directions, View(*(a[part] for a in seen)), light)
         red, green, blue = map(float, behind)
         rt.radiance.rendering.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
+
+    def look(
+        self, origins: Any, directions: Any, seen: View, light: np.ndarray | None = None
+    ) -> None:
+        """Fill `seen` for rays, as :meth:`Field.see` does, in a light of :func:`light_of`."""
+        rt, count = self.rt, origins.shape[0]
+        if light is None:
+            self.field.see(origins, directions, seen)
+            return
+        views, table = rt.scratch("view.light", (count,), np.int32), rt.send("view.table", light)
+        rt.clear(views)
+        if light.shape[1] == LIGHT:
+            self.field.light(Lights(table, views))
+        self.field.see(origins, directions, seen)
+        if light.shape[1] != LIGHT:
+            rt.radiance.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
 
 
 def render_path(
@@ -162,7 +173,7 @@ def render_path(
         Frames per second, > 0; for ``.gif`` at most 50.
     background : (red, green, blue), optional
         In [0, 1]; by default ``model.behind``.
-    appearance : int, array of shape (3, 4), or array of shape (F, 3, 4), optional
+    appearance : int, or array of shape (3, 4), (16,), (F, 3, 4) or (F, 16), optional
         The light, as in :func:`render`, or one for each frame.
     progress : function, optional
         Called with the number of frames done and the number of all frames.
@@ -199,10 +210,10 @@ def film(
     """Return the views of `cameras`, (F, H, W, 3) uint8; see :func:`render_path`."""
     behind = model.behind if background is None else check_behind(background)
     model.frame.inside(cameras.poses)  # refuses distant cameras before the work
-    each = np.ndim(appearance) == 3
+    each = np.ndim(appearance) == model.appearances.ndim
     if each and len(appearance) != len(cameras):
         raise ValueError(
-            f"appearance must have one matrix for each of {len(cameras)} frames, got "
+            f"appearance must have one light for each of {len(cameras)} frames, got "
             f"{len(appearance)}"
         )
     lights = [light_of(model, a) for a in (appearance if each else [appearance])]
@@ -363,25 +374,6 @@ def owned(rt: Runtime, values: np.ndarray) -> Any:
     array = rt.zeros(values.shape, values.dtype)
     rt.write(array, np.ascontiguousarray(values))
     return array
-
-
-def light_of(model: Model, appearance: Any) -> np.ndarray | None:
-    """Return what a light adds to colours, (1, 12) float32, or None if it adds nothing."""
-    if appearance is None:
-        if model.appearance is None:
-            return None
-        appearance = model.gauge
-    if isinstance(appearance, (int, np.integer)) and not isinstance(appearance, bool):
-        index = check_integer(appearance, "appearance", 0, len(model.cameras) - 1)
-        found = model.appearances[index]
-    else:
-        found = as_numbers(appearance, "appearance")
-        if found.shape != (3, 4) or not (np.abs(found) <= FLOAT32_MAX).all():
-            raise ValueError(
-                "appearance must be a photograph's number, or (3, 4) finite numbers, got "
-                f"{np.array(appearance).tolist()}"
-            )
-    return (found - np.eye(3, 4)).astype(np.float32).reshape(1, 12)
 
 
 def check_behind(background: Any) -> np.ndarray:

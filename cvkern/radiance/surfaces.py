@@ -18,6 +18,7 @@ from cvkern._checks import (
 )
 from cvkern._files import as_path, replacing
 from cvkern.radiance._glb import glb
+from cvkern.radiance.embeddings import light_of
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays, project
@@ -91,7 +92,7 @@ def point_cloud(
     draw = Renderer(model.field, model.rt)
     points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
     for view in chosen:
-        seen = draw(cameras, view, model.behind)
+        seen = draw(cameras, view, model.behind, light_of(model, None))
         solid = np.isfinite(seen.depth)
         origins, directions = pixel_rays(cameras, view, np.argwhere(solid))
         places = origins + seen.depth[solid][:, None] * directions
@@ -204,7 +205,7 @@ def _seen(model: Model, points: np.ndarray, close: float) -> np.ndarray:
     seen = np.zeros(len(points), bool)
     draw = Renderer(model.field, model.rt)
     for view in range(0, len(views), -(-len(views) // VIEWS)):
-        depth = np.asarray(draw(views, view, model.behind).depth)
+        depth = np.asarray(draw(views, view, model.behind, light_of(model, None)).depth)
         at = project(views, view, points)
         within = ((at > -0.5) & (at < np.array(depth.shape) - 0.5)).all(axis=1)  # NaN is not
         row, column = np.round(at[within]).astype(int).T
@@ -245,7 +246,7 @@ def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarra
         count = len(origins[part])
         shapes = {"color": (count, 3), "opacity": (count,), "depth": (count,)}
         seen = View(*(rt.scratch(f"mesh.{name}", shape) for name, shape in shapes.items()))
-        model.field.see(*rays, seen)
+        Renderer(model.field, rt).look(*rays, seen, light_of(model, None))
         opacity = np.maximum(rt.to_numpy(seen.opacity)[:, None], 1e-3)
         colors[part] = np.round(255 * (rt.to_numpy(seen.color) / opacity).clip(0, 1))
     return colors

@@ -6,7 +6,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,9 @@ import numpy as np
 from cvkern._checks import check_code
 from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
 from cvkern.radiance.appearance import Appearance
+from cvkern.radiance.devices import adder
 from cvkern.radiance.distractors import DISTRACTORS, Distractors
+from cvkern.radiance.embeddings import Embedding
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -43,9 +45,25 @@ Say = Callable[[float, str], None]  # the share that is done, and what it does
 class Trainer:
     """The steps of a training; see :func:`cvkern.radiance.fit` for the parameters."""
 
-    def __init__(self, model: Model, scene: Scene, loss: str, spread: float, exact: bool = False):
-        """Begin, or go on; on a GPU, gradients are the same in every run if `exact`."""
+    def __init__(
+        self,
+        model: Model,
+        scene: Scene,
+        loss: str,
+        spread: float,
+        exact: bool = False,
+        others: Sequence[Trainer] = (),
+    ):
+        """Begin, or go on; on a GPU, gradients are the same in every run if `exact`.
+
+        `others` are trainers of the same model on further devices, which take each step as well.
+        """
         self.model, self.scene, self.field = model, scene, model.field
+        self.others = tuple(others)
+        for rank, one in enumerate(others, 1):
+            one.seed, one.learning = model.seed + rank, one.learning._replace(scale=self._share())
+        self.seed = model.seed
+        self.add = adder([one.model.rt for one in self.team])
         rt = self.rt = model.rt
         self.background = check_code(model.background, Background, "background")
         self.spread = spread
@@ -68,9 +86,10 @@ class Trainer:
         if "behind.values" in model.extra:
             self.behind.restore("behind.", model.extra, rt)
         views = np.flatnonzero(used).astype(np.int32)
-        self.appearance = None
+        self.appearance: Appearance | Embedding | None = None
         if model.appearance is not None:
-            self.appearance = Appearance(rt, len(views), count)
+            kind = Embedding if model.appearance == "embedding" else Appearance
+            self.appearance = kind(rt, len(views), count)
             if model.extra.get(APPEARANCE + "values") is not None:
                 self.appearance.restore(model.extra)
             model.extra[APPEARANCE + "views"] = views
@@ -91,25 +110,42 @@ class Trainer:
         self.learning = Learning(
             owned(rt, np.array([state.step], np.int32)),
             rt.zeros((1,)),
-            SHARE,
+            self._share(),
         )
-        self._step: Any = None
+        self._parts: dict[str, Callable[[], None]] = {}
         self._edition = -1
+
+    @property
+    def team(self) -> list[Trainer]:
+        """The trainers of all devices."""
+        return [self, *self.others]
+
+    def _share(self) -> float:
+        """Return the weight of a ray: on several devices, batches are so many times as large."""
+        return SHARE / (1 + len(self.others))
 
     def step(self) -> None:
         """Draw rays, render them, and learn from the errors."""
+        self.compare()
+        self.learn()
+
+    def compare(self) -> None:
+        """Draw rays, render them, and propagate the errors back to gradients."""
         rt, field, at = self.rt, self.field, self.learning.step
         rt.radiance.pinhole.random_rays(
-            self.views, self.images, self.spread, self.model.seed, at, self.chosen, *self.rays[:2],
+            self.views, self.images, self.spread, self.seed, at, self.chosen, *self.rays[:2],
             self.targets, *self.places,
         )  # fmt: skip
+        light = self.appearance
+        if isinstance(light, Embedding):
+            field.light(light.lights(self.places[0]))
         seen = field.forward(self.rays, at)
-        color, light = seen.color, self.appearance
-        if light is not None:
+        color = seen.color
+        if isinstance(light, Appearance):
             color = light.forward(seen.color, seen.opacity, self.places[0])
         comparison = Comparison(
-            self.background, self.behind.values, self.huber, field.gradient_scale, self.model.seed,
-            at, light is not None,
+            self.background, self.behind.values, self.huber, field.gradient_scale, self.seed,
+            at, isinstance(light, Appearance),
         )  # fmt: skip
         gradients = self.gradients.color, self.gradients.opacity, self.d_behind
         if self.passing is None:
@@ -121,35 +157,61 @@ class Trainer:
                 (color, seen.opacity), self.targets, self.places, self.active, comparison,
                 self.errors, gradients,
             )  # fmt: skip
-            self.passing.learn(self.learning, SHARE / field.gradient_scale)
         if self.distractors is not None:
             self.distractors.weigh(self.errors, self.places, self.active, gradients)
-        if light is not None:
+        if isinstance(light, Appearance):
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
-            light.learn(self.learning, SHARE / field.gradient_scale)
         field.backward(self.gradients)
-        field.learn(self.learning)
+        if isinstance(light, Embedding):
+            light.backward(field, self.places[0], self.active)
         if self.background == Background.LEARNT:
-            adam = rt.radiance.training.adam
             rt.radiance.training.background.gather(
                 self.d_behind, self.active, self.parts, self.behind.gradients
             )
-            adam.learning_rate(
-                at, self.learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate
-            )
-            self.clip.update(SHARE / field.gradient_scale)
+
+    def collected(self) -> list[Any]:
+        """Return the arrays of gradients that :meth:`compare` fills for :meth:`learn`."""
+        beside = self.appearance, self.passing
+        arrays = [one.table.gradients for one in beside if one is not None]
+        return [*self.field.collected(), *arrays, self.behind.gradients]
+
+    def learn(self) -> None:
+        """Update the parameters by their gradients."""
+        learning, scale = self.learning, self.learning.scale / self.field.gradient_scale
+        adam, at = self.rt.radiance.training.adam, learning.step
+        if self.passing is not None:
+            self.passing.learn(learning, scale)
+        if self.appearance is not None:
+            self.appearance.learn(learning, scale)
+        self.field.learn(learning)
+        if self.background == Background.LEARNT:
+            adam.learning_rate(at, learning.progress, BACKGROUND_RATE, 1, 0.1, *BETAS, self.rate)
+            self.clip.update(scale)
             rule = AdamRule(*BETAS, EPSILON)
             adam.adam(self.rate, self.clip.factor, rule, *self.behind.flat())
-        rt.radiance.training.adam.advance(at)
+        adam.advance(at)
 
     def repeat(self) -> None:
-        """Take a step, and record it if the field's arrays are new; later ones are replayed."""
+        """Take a step on all devices."""
+        if not self.others:
+            self._replay(self.step)
+            return
+        for one in self.team:
+            one._replay(one.compare)
+        self.add([one.collected() for one in self.team])
+        for one in self.team:
+            one._replay(one.learn)
+
+    def _replay(self, part: Callable[[], None]) -> None:
+        """Run a part of a step, and record it if the field's arrays are new, for later steps."""
         if self._edition != self.field.edition:
-            self._edition = self.field.edition
-            self.step()
-            self._step = self.rt.record(self.step)
+            self._edition, self._parts = self.field.edition, {}
+        recorded = self._parts.get(part.__name__)
+        if recorded is None:
+            part()
+            self._parts[part.__name__] = self.rt.record(part)
         else:
-            self._step()
+            recorded()
 
     def train(
         self,
@@ -176,18 +238,16 @@ class Trainer:
 
         def look_at_clock(step: int) -> None:
             state.progress = min(1.0, step / steps if steps else spent() / (seconds or 1))
-            self.rt.write(self.learning.progress, np.array([state.progress], np.float32))
+            for one in self.team:
+                one.rt.write(one.learning.progress, np.array([state.progress], np.float32))
 
         look_at_clock(state.step // LOOK * LOOK)  # a resumed run may have a different budget
         while (state.step < steps if steps else spent() < (seconds or 0)) and not stop.is_set():
-            if self.appearance is not None and (state.step % LOOK == 0 or state.step == first):
-                self.field.look_aside(state.progress < SAME)
-            self.field.tend(state.step, self.learning)
-            if self.distractors is not None:
-                self.distractors.tend(state.step)
+            for one in self.team:
+                one.tend(state.step, state.step == first, state.progress)
             self.repeat()
             state.step += 1
-            state.total_rays += state.rays
+            state.total_rays += sum(one.model.training.rays for one in self.team)
             if state.step == first + 1:
                 self.rt.to_numpy(at)
                 begin = time.perf_counter()  # the first step compiles kernels, so do not count it
@@ -200,10 +260,7 @@ class Trainer:
             if looks or evaluates:
                 quality = self.quality()
             if looks:
-                samples = self.field.taken()
-                state.total_samples += LOOK * samples
-                state.rays = self.field.rays_for(samples, self.kept())
-                self.rt.write(self.active, np.array([state.rays], np.int32))
+                state.total_samples += LOOK * sum(one.fill() for one in self.team)
                 look_at_clock(state.step)
                 since, told = told, (spent(), state.total_rays)
                 rate = (told[1] - since[1]) / max(told[0] - since[0], 1e-9)
@@ -226,9 +283,10 @@ class Trainer:
         state.seconds, state.stopped = spent(), stop.is_set()
         if seconds:
             state.progress = min(1.0, state.seconds / seconds)
-        self._step, self._edition = None, -1  # Break the reference cycle.
-        self.field.rest()
-        self.field.look_aside(False)
+        for one in self.team:
+            one._parts, one._edition = {}, -1  # Break the reference cycle.
+            one.field.rest()
+            one.field.look_aside(False)
         try:
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
@@ -238,6 +296,21 @@ class Trainer:
             self.keep()
             if checkpoint is not None:
                 self.model.save(checkpoint)
+
+    def tend(self, step: int, first: bool, progress: float) -> None:
+        """Do the periodic work before a step, which may be the `first` one of a run."""
+        if self.appearance is not None and (step % LOOK == 0 or first):
+            self.field.look_aside(progress < SAME)
+        self.field.tend(step, self.learning)
+        if self.distractors is not None:
+            self.distractors.tend(step)
+
+    def fill(self) -> int:
+        """Choose how many rays fill a batch; return how many samples the last one took."""
+        samples = self.field.taken()
+        rays = self.model.training.rays = self.field.rays_for(samples, self.kept())
+        self.rt.write(self.active, np.array([rays], np.int32))
+        return samples
 
     def look(self, quality: float, rate: float) -> Look:
         """Return what there is to tell, and make the model ready to be looked at."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +21,7 @@ from cvkern._checks import (
     check_number,
     check_positive,
 )
-from cvkern._runtime import refuse_capture, runtime
+from cvkern._runtime import check_devices, refuse_capture, runtime, use
 from cvkern.kernels.codes.radiance import Background
 from cvkern.radiance import checkpoints, logs
 from cvkern.radiance.fields.field import Frame
@@ -30,8 +29,9 @@ from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import APPEARANCES, Model, Training, load_model
+from cvkern.radiance.models import APPEARANCES, Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
+from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
 
@@ -43,7 +43,6 @@ KINDS: dict[str, type[Settings]] = {
 }  # fmt: skip
 # With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
 # are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
-ALIKE, UNIFORM = 6, 0.95  # grey levels, and share of the borders, for a background of one colour
 ON_CPU: dict[str, dict[str, Any]] = {
     "hash": {"table_bits": 15, "samples": 2**14, "rays": 2**12, "cells": 64, "steps": 128},
     "mlp": {
@@ -85,6 +84,7 @@ def fit(
     transient: bool = False,
     seed: int = 0,
     deterministic: bool = False,
+    devices: Sequence[str] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     save_every: float = 60.0,
@@ -123,10 +123,12 @@ def fit(
     spread : float, default 0.0
         A ray goes through a random point of its pixel, within a square of this side, from 0 (its
         centre) to 1 (the whole pixel).
-    appearance : {'affine'}, optional
+    appearance : {'affine', 'embedding'}, optional
         Learn the light of each photograph, for photographs of changing light or exposure. 'affine'
         learns a matrix (A, b) for each, which maps the colours c of the field to A c + b before
-        they are compared with the photograph. See ``model.appearances`` and :func:`render`.
+        they are compared with the photograph. 'embedding' learns 16 numbers for each, inputs of
+        the perceptron of colours of a 'hash' or 'mlp' field: light may then change in parts of the
+        scene. See ``model.appearances`` and :func:`render`.
     gauge : int, optional
         The number of the photograph, among all of the scene, whose light pictures have by default.
         By default the first one that is trained on.
@@ -142,6 +144,10 @@ def fit(
         Give the same model for the same `steps`, bit for bit, on a GPU too, as long as the kind of
         GPU and the versions of its software stay the same. Steps take longer, and gradients take
         three times the memory: they are added as integers, whose sum does not depend on the order.
+    devices : sequence of str, optional
+        Train on several GPUs together, such as ``("cuda:0", "cuda:1")``: batches are so many times
+        as large. Gradients are added by NCCL where CuPy or PyTorch is installed, and by the host
+        otherwise. The model is on the first one. By default the device in use.
     checkpoint : path, optional
         File, ``.npz``, to which the model is saved periodically and at the end, each time whole or
         not at all. A run that is killed while it saves leaves a hidden ``.part.npz`` beside it.
@@ -252,7 +258,7 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     if appearance is not None:
-        check_choice(appearance, APPEARANCES, "appearance")
+        check_choice(appearance, tuple(APPEARANCES), "appearance")
     elif gauge is not None:
         raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
     if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
@@ -261,15 +267,25 @@ def fit(
     if transient and (robust or loss != "squared"):
         other = "robust" if robust else f"the loss {loss!r}"
         raise ValueError(f"transient must not go with {other}, got both")
+    places = check_devices(devices)
+    if robust and len(places) > 1:
+        raise ValueError(f"robust must not go with several devices, got {len(places)}")
     wild = Wild(appearance, gauge, robust, transient)
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
-    model = _begin(scene, field, background, seed, wild, checkpoint if resume else None)
+    models: list[Model] = []
+    for place in places:
+        with use(device=place):
+            known = models[0].background if models else background  # warns once
+            models.append(_begin(scene, field, known, seed, wild, checkpoint if resume else None))
     if deterministic:
-        model.field.make_deterministic()
+        for one in models:
+            one.field.make_deterministic()
+    model = models[0]
     exact = deterministic and model.rt.device != "cpu"
-    trainer = Trainer(model, scene, loss, spread, exact)
+    others = [Trainer(one, scene, loss, spread, exact) for one in models[1:]]
+    trainer = Trainer(model, scene, loss, spread, exact, others)
     with contextlib.ExitStack() as stack:
         write = stack.enter_context(logs.opened(to, resume)) if to is not None else None
         say, stop = stack.enter_context(shown(progress)), stack.enter_context(stoppable())
@@ -355,37 +371,16 @@ def _begin(
                 )
         return model
     settings = suited(field) if field is None or isinstance(field, str) else field
-    background = background or _seen_behind(scene)
+    background = background or seen_behind(scene)
     black = background == "black"
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
-    made = settings.build(runtime(), frame, seed)
+    made = built(settings, frame, seed, wild.appearance)
     made.start(scene)
     return Model(
         made, settings, background, behind, scene.cameras, seed,
         Training(), {}, wild.appearance, gauge, wild.robust, wild.transient,
     )  # fmt: skip
-
-
-def _seen_behind(scene: Scene) -> str:
-    """Return the background that suits the photographs, and warn if it is not 'random'."""
-    if scene.images.shape[3] == 4:
-        return "random"
-    views = scene.images[~scene.test]
-    sides = views[:, 0], views[:, -1], views[:, :, 0], views[:, :, -1]
-    borders = np.concatenate(sides, axis=1)
-    color = np.median(borders, axis=(0, 1))
-    same = (np.abs(borders - color) <= ALIKE).all(axis=2).mean()
-    if same < UNIFORM:
-        return "random"
-    white, black = (color >= 255 - ALIKE).all(), (color <= ALIKE).all()
-    chosen = "white" if white else "black" if black else "learnt"
-    warnings.warn(
-        f"background is {chosen!r}, because {same:.0%} of the photographs' borders have one "
-        f"colour, {tuple(color.astype(int).tolist())}: choose another by background=",
-        stacklevel=4,
-    )
-    return chosen
 
 
 def _apart(one: Any, other: Any) -> str:

@@ -27,19 +27,9 @@ def local_laplacian(
     levels = [logs]
     for n in range(max(1, int(math.log2(min(shape))))):
         shape = [(size + 1) // 2 for size in shape]
-        small = rt.scratch(f"bands.level{n}", (references + 2, *shape))
-        if n:
-            kernels.reduce(levels[-1], references + 1, small)
-        else:
-            kernels.begin(logs[0], lowest, step, sigma, slope, small)
-        levels.append(small)
+        levels.append(rt.scratch(f"bands.level{n}", (references + 2, *shape)))
+    kernels.begin(logs[0], lowest, step, sigma, slope, levels[1])
+    kernels.reduce(levels[1:], references + 1)
     result = rt.scratch("bands.result", tuple(logs.shape))
-    below, share = references, slope  # what is left is the image's own smallest level
-    for fine, small in zip(levels[-2::-1], levels[:0:-1], strict=True):
-        first = fine is logs
-        kernels.collapse(
-            fine, small, below, share, lowest, step, sigma if first else 0.0, slope,
-            result if first else fine,
-        )  # fmt: skip
-        below, share = references + 1, 1.0
+    kernels.collapse(levels, lowest, step, sigma, slope, result)
     return result

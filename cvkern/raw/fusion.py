@@ -85,21 +85,16 @@ def fuse_exposures(
     kernels = rt.raw.fusion
     weights = rt.scratch("fusion.weights", shape[:3])
     kernels.weigh(frames, scale, powers[0], powers[1], powers[2], weights)
-    levels, planes, sides = [], [], [height, width]
+    levels, sides, planes = [], [height, width], count * (channels + 1)
     for n in range(int(math.log2(min(sides)))):
         sides = [(side + 1) // 2 for side in sides]
-        levels.append(rt.scratch(f"fusion.level{n}", (count, channels + 1, *sides)))
-        planes.append(levels[n].reshape((count * (channels + 1), *sides)))
-        if n:
-            rt.raw.bands.reduce(planes[n - 1], count * (channels + 1), planes[n])
-        else:
-            kernels.begin(frames, scale, weights, levels[n])
-    coarse = below = rt.scratch("fusion.none", (1, 1, 1))
-    for n in reversed(range(len(levels))):
-        out = rt.scratch(f"fusion.out{n}", (channels, *levels[n].shape[2:]))
-        kernels.blend(levels[n], coarse, int(n + 1 == len(levels)), below, out)
-        coarse, below = planes[n], out
+        levels.append(rt.scratch(f"fusion.level{n}", (planes + channels, *sides)))
+    if levels:
+        kernels.begin(frames, scale, weights, levels[0])
+        rt.raw.bands.reduce(levels, planes)
+        kernels.blend(levels, channels)
     result = rt.empty(tuple(images.shape[1:]))
     out = rt.adopt(result, np.float32, shape[1:])
-    kernels.finish(frames, scale, weights, coarse, int(not levels), below, out)
+    coarse = levels[0] if levels else rt.scratch("fusion.none", (1, 1, 1))
+    kernels.finish(frames, scale, weights, coarse, int(not levels), out)
     return rt.release(result)

@@ -11,7 +11,7 @@ from cvkern._checks import check_choice, check_image, check_integer, check_numbe
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._photographs import white_of
 from cvkern.kernels.codes.recognition import LARGEST, NOBODY
-from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, Sampling
+from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, Sampling, cut
 
 METHODS = ("auto", "agglomerative", "kmeans")
 MOST_PATCHES = 2**22
@@ -108,15 +108,13 @@ def learn_codebook(
     sampling = Sampling(side, "grid", side)
     rt = runtime(patches)
     flat = rt.adopt(patches, shape=(count * side, side))
-    gray = rt.scratch("recognition.level0", (count * side, side))
-    kernels = rt.recognition.patches
+    gray = rt.scratch("recognition.pyramid", (count * side, side))
     rt.features.keypoints.extrema.prepare(
         flat.reshape((count * side, side, 1)), float(np.float32(1 / white)), gray
     )
-    corners = np.column_stack([side * np.arange(count), np.zeros(count)]).astype(np.int32)
-    normal = rt.scratch("recognition.patches", (count, sampling.size), np.int8)
-    sent = rt.send("recognition.corners", corners)
-    kernels.sample_patches(gray, sent, side, sampling.least, normal)
+    corners = np.column_stack([side * side * np.arange(count), np.full(count, side)])
+    sent = rt.send("recognition.corners", corners.astype(np.int32))
+    normal = cut(rt, gray.reshape((count * side * side,)), sent, sampling)
     values = np.array(rt.to_numpy(normal))
     there = np.flatnonzero(values.any(axis=1))
     if not len(there):
@@ -202,6 +200,9 @@ def _agglomerate(rt: Runtime, patches: np.ndarray, least: int) -> np.ndarray:
     partners = rt.scratch("recognition.partners", (count,), np.int32)
     labels, index = np.arange(count), np.arange(count)
     stale = np.ones(count, np.int32)
+    # A round merges a pair, or asks all clusters for fresh partners. Then the first cluster that
+    # reaches the largest similarity of all and its partner choose each other. So every second round
+    # merges a pair at least, and there are fewer than 2 `count` rounds.
     while True:
         kernels.find_partners(sums, sizes, least, rt.send("recognition.stale", stale), partners)
         found = np.array(rt.to_numpy(partners))

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FINE, OCTAVE
-from cvkern.recognition._kept import kept
-from cvkern.recognition.fitting import frame_on
-from cvkern.recognition.training import Settings
-from cvkern.recognition.votes import Votes
+from cvkern.kernels.codes.recognition import Frame, Occurrences, Patches
+from cvkern.recognition.votes import Hall
 
-OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
+if TYPE_CHECKING:
+    from cvkern.recognition.search import Found
+
+PAINTED = 16  # figures that are painted before the host knows how many there are
 
 
 class Objects(NamedTuple):
@@ -37,48 +37,50 @@ class Segmentation(NamedTuple):
     """Pixels of each object, (N, H, W) bool."""
 
 
-class Found(NamedTuple):
-    """What a search found in a picture."""
+class Painter(NamedTuple):
+    """What figures are painted with, for kernels."""
 
     rt: Runtime
-    shape: tuple[int, ...]
-    modes: np.ndarray
-    """Row, column, scale and density of each object, (N, 4) int32."""
-    scores: np.ndarray
-    votes: Votes | None
-    """Votes of the picture; None if there are none."""
+    patches: Patches
+    occurrences: Occurrences
+    hall: Hall
+    frame: Frame
+    figures: Any
+    balance: Any
+    """Room for the boxes of figures (T, H, W) int32."""
+
+    def paint(self, modes: Any) -> None:
+        """Paint the figures of the first T modes."""
+        rt, patches, occurrences, hall, frame, figures, balance = self
+        rt.recognition.figures.paint_figures(
+            patches, occurrences, hall.space, hall.window, frame, figures, modes, balance
+        )
 
 
-def paint(found: Found, figures: np.ndarray, settings: Settings, masks: Any) -> None:
-    """Fill the masks (N, H, W), for kernels, of what was found."""
-    rt, side = found.rt, settings.sampling.side
-    if found.votes is None:
-        return
-    patches, occurrences, space, window, _ = found.votes
-    shape = (len(found.modes), settings.height + 2 * side, settings.width + 2 * side)
-    balance = rt.scratch("recognition.balance", shape, np.int32)
-    modes = rt.send("recognition.found", np.ascontiguousarray(found.modes))
-    kernels = rt.recognition.figures
-    kernels.paint_figures(
-        patches, occurrences, space, window, frame_on(rt, settings),
-        kept(rt, figures), modes, balance,
-    )  # fmt: skip
-    kernels.spread_figures(balance, modes, space, masks)
+def masks_of(found: Found) -> Any:
+    """Return the masks (N, H, W) of what was found, in the caller's library."""
+    rt, painter = found.rt, found.painter
+    masks = rt.empty((found.number, *found.shape), np.bool_)
+    if painter is not None and found.number:
+        if found.number > PAINTED:
+            shape = found.number, *painter.balance.shape[1:]
+            painter = painter._replace(balance=rt.scratch("recognition.painted", shape, np.int32))
+            painter.paint(found.modes)
+        rt.recognition.figures.spread_figures(
+            painter.balance, found.modes, found.hall.space, rt.adopt(masks, np.bool_)
+        )
+    return rt.release(masks)
 
 
-def inside(modes: np.ndarray, shape: np.ndarray, settings: Settings) -> np.ndarray:
-    """Return which boxes lie within the picture, but for `OVERHANG` of their sides."""
-    half = 2.0 ** (modes[:, 2:3] / OCTAVE) * np.array([settings.height, settings.width]) / 2
-    low = (1 - 2 * OVERHANG) * half - 0.5
-    within = (modes[:, :2] / FINE >= low) & (modes[:, :2] / FINE <= shape - 1 - low)
-    return np.flatnonzero(within.all(axis=1))
-
-
-def objects_of(found: Found, settings: Settings) -> Objects:
+def objects_of(found: Found, bias: int) -> Objects:
     """Return what was found, in pixels."""
-    centers = found.modes[:, :2] / FINE
-    scales = 2.0 ** (found.modes[:, 2] / OCTAVE)
-    half = scales[:, None] * np.array([settings.height, settings.width]) / 2
-    boxes = np.concatenate([centers + 0.5 - half, centers + 0.5 + half], axis=1)
-    result = (boxes, found.scores, centers, scales)
-    return Objects(*(found.rt.give(np.ascontiguousarray(a, np.float32)) for a in result))
+    rt, count = found.rt, found.number
+    shapes = (count, 4), (count,), (count, 2), (count,)
+    if not count:
+        return Objects(*(rt.give(np.empty(shape, np.float32)) for shape in shapes))
+    described = [rt.empty(shape) for shape in shapes]
+    rt.recognition.figures.describe_objects(
+        found.modes, found.hall.sizes, found.hall.space.lowest, bias,
+        *(rt.adopt(array) for array in described),
+    )  # fmt: skip
+    return Objects(*(rt.release(array) for array in described))

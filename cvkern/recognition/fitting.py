@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FINE, NOBODY, Frame, Patches, Space
+from cvkern.kernels.codes.recognition import FINE, NOBODY, OCTAVE, Frame, Patches, Space
+from cvkern.recognition._kept import kept
 from cvkern.recognition.codebook import cluster
-from cvkern.recognition.hypotheses import climb, weigh
+from cvkern.recognition.hypotheses import Judge, climb, weigh
 from cvkern.recognition.training import (
     DOUBTFUL,
     HARDEST,
@@ -26,6 +27,7 @@ from cvkern.recognition.training import (
     Window,
     columns,
     dense_modes,
+    frame_of,
     halves,
     look,
     occurrences_of,
@@ -34,11 +36,12 @@ from cvkern.recognition.training import (
     surprise,
     window_at,
 )
-from cvkern.recognition.votes import factors_at, layout
+from cvkern.recognition.votes import distinct, layout
 
 SHEET = 2.5  # least sides of a negative, in sides of the object's box; smaller ones are mirrored
 MOST_PASTED = 100  # negatives that objects are put into
 NEAR = 0.3  # part of a box: places as near to an object are the object
+OTHER_SIZE = OCTAVE // 3  # steps of scale: sizes so far from an object's are not the object
 
 
 # The patches of a picture, its shape, and the middle of the object in it, if there is one.
@@ -77,9 +80,7 @@ def fit(
     if settings.sampling.points == "grid" and step > 1:
         half = step // 2
         firsts += [(half, half), (0, half), (half, 0)]
-    patches = np.concatenate(
-        [look(rt, picture, settings, None).sampled.patches for picture in objects]
-    )
+    patches = np.concatenate([look(rt, picture, settings, None).patches for picture in objects])
     patches = patches[patches.any(axis=1)]
     if not len(patches):
         raise ValueError("images must have patches that are not flat, got none")
@@ -212,15 +213,16 @@ def mistaken(
     """Yield the places of a scene with most evidence for an object where there is none."""
     example, shape, place = scene
     space, _, _ = layout((shape[0], shape[1]), ZOOMS)
-    given = zip(Patches._fields, (*example.sampled[:3], example.matches), strict=True)
+    given = zip(Patches._fields, (*example.places[1:], example.matches), strict=True)
     patches = Patches(*(rt.send(f"recognition.{name}", array) for name, array in given))
     modes = np.concatenate([dense_modes(shape, settings, zoom) for zoom in ZOOMS])
     size = np.array([settings.height, settings.width])
     modes = beside(modes, place, size)
     weights = rt.send("recognition.weights", learnt.weights)
     known = space._replace(factors=rt.constant(space.factors))
-    given = rt, patches, weights, known, frame_on(rt, settings)
-    evidence = weigh(*given, modes) + learnt.bias
+    judge = Judge(rt, patches, weights, known, frame_on(rt, settings))
+    found = weigh(judge, rt.send("recognition.dense", modes))
+    evidence = np.array(rt.to_numpy(found)) + learnt.bias
     chosen: list[int] = []
     for index in np.argsort(-evidence.astype(np.int64), kind="stable").tolist():
         if evidence[index] < floor or len(chosen) == HARDEST:
@@ -230,8 +232,13 @@ def mistaken(
         same = (apart < 0.1).all(axis=1) & (near[:, 2] == modes[index, 2])
         if not same.any():
             chosen.append(index)
-    modes = modes[chosen]
-    modes, _ = climb(*given, modes, factors_at(space, modes[:, 2]), evidence[chosen])
+    if not chosen:
+        return
+    sent = rt.send("recognition.dense", np.ascontiguousarray(modes[chosen]))
+    known = rt.send("recognition.own", np.ascontiguousarray(evidence[chosen] - learnt.bias))
+    modes = np.array(rt.to_numpy(climb(judge, sent, known, -(2**31))[0]))
+    modes = modes[modes[:, 3] > 0]
+    modes = modes[distinct(modes)]
     for mode in beside(modes, place, size)[:, :3]:
         if tuple(mode.tolist()) not in taken:
             taken.add(tuple(mode.tolist()))
@@ -239,11 +246,14 @@ def mistaken(
 
 
 def beside(modes: np.ndarray, place: np.ndarray | None, size: np.ndarray) -> np.ndarray:
-    """Return the modes that are not near to the place of an object, if there is one."""
+    """Return the modes that are not near to the place and the size of an object, if there is one.
+
+    The object is of scale 0.
+    """
     if place is None:
         return modes
     apart = np.abs(modes[:, :2] / FINE - place) / size
-    return modes[(apart > NEAR).any(axis=1)]
+    return modes[(apart > NEAR).any(axis=1) | (np.abs(modes[:, 2]) >= OTHER_SIZE)]
 
 
 def factors_of(space: Space) -> Factors:
@@ -253,5 +263,5 @@ def factors_of(space: Space) -> Factors:
 
 def frame_on(rt: Runtime, settings: Settings) -> Frame:
     """Return the frame for kernels."""
-    frame = settings.frame
-    return frame._replace(layers=rt.constant(frame.layers))
+    frame = frame_of(settings)
+    return frame._replace(layers=kept(rt, frame.layers))

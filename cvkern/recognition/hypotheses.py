@@ -2,89 +2,73 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, Frame, Patches, Space
-from cvkern.recognition.votes import distinct
+from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, Frame, Patches, Space
 
 STEPS = (4, 2)  # pixels of the model that a mode climbs by
-AROUND = np.array([(y, x) for y in (0, -1, 1) for x in (0, -1, 1)])
-MOST_HYPOTHESES = 256  # hypotheses above the threshold that are compared with each other
 
 
-def weigh(
-    rt: Runtime, patches: Patches, weights: Any, space: Space, frame: Frame, modes: np.ndarray
-) -> np.ndarray:
-    """Return the evidence for each of T modes (T, 4), on the host."""
-    evidence = rt.scratch("recognition.evidence", (len(modes),), np.int32)
-    sent = rt.send("recognition.hypotheses", modes)
-    rt.recognition.hypotheses.weigh_evidence(patches, weights, space, frame, sent, evidence)
-    return np.array(rt.to_numpy(evidence))
+class Judge(NamedTuple):
+    """What evidence is weighed with, for kernels."""
+
+    rt: Runtime
+    patches: Patches
+    weights: Any
+    """Evidence of each word in each cell of the frame, (K, cells) int32."""
+    space: Space
+    frame: Frame
 
 
-def climb(
-    rt: Runtime,
-    patches: Patches,
-    weights: Any,
-    space: Space,
-    frame: Frame,
-    modes: np.ndarray,
-    factors: np.ndarray,
-    evidence: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Move modes to where there is more evidence; return all that remain, and their evidence.
+def weigh(judge: Judge, modes: Any) -> Any:
+    """Return the evidence for each of T modes (T, 4), for kernels; modes of density 0 have none."""
+    rt = judge.rt
+    evidence = rt.scratch("recognition.evidence", (modes.shape[0],), np.int32)
+    rt.recognition.hypotheses.weigh_evidence(*judge[1:], modes, evidence)
+    return evidence
+
+
+def climb(judge: Judge, modes: Any, evidence: Any, least: int) -> tuple[Any, Any]:
+    """Move modes to where there is more evidence; return them and their evidence, for kernels.
 
     A mode goes to the best of itself and its eight neighbours, first in large steps, then in small
-    ones; the first wins a tie. `factors` are the sizes of the modes in parts of 2^16. Modes that
-    meet are one.
+    ones. Modes with evidence below `least`, and all but the first of those that meet, get
+    density 0.
     """
-    factors = factors.astype(np.int64)
-    for step in STEPS if len(modes) else ():
-        apart = (FINE * step * factors + (1 << (FACTOR_BITS - 1))) >> FACTOR_BITS
-        near = np.repeat(modes[:, None], len(AROUND), axis=1)
-        near[:, :, :2] += (AROUND * apart[:, None, None]).astype(np.int32)
-        found = weigh(rt, patches, weights, space, frame, near.reshape(-1, 4))
-        best = found.reshape(len(modes), -1).argmax(axis=1)
-        every = np.arange(len(modes))
-        modes, evidence = near[every, best], found.reshape(len(modes), -1)[every, best]
-        first = distinct(modes)
-        modes, evidence, factors = modes[first], evidence[first], factors[first]
-    return np.ascontiguousarray(modes), evidence
+    rt = judge.rt
+    count = modes.shape[0]
+    nowhere = rt.scratch("recognition.nowhere", (0, 4), np.int32)
+    for step in STEPS:
+        moved, single = (
+            rt.scratch(f"recognition.{name}{step}", (count, 4), np.int32)
+            for name in ("moved", "single")
+        )
+        found = rt.scratch(f"recognition.found{step}", (count,), np.int32)
+        rt.recognition.hypotheses.climb_modes(
+            *judge[1:], step, least, modes, evidence, moved, found
+        )
+        rt.recognition.votes.single_modes(moved, nowhere, 0, single)
+        modes, evidence = single, found
+    return modes, evidence
 
 
-def explain(
-    rt: Runtime,
-    patches: Patches,
-    weights: Any,
-    space: Space,
-    frame: Frame,
-    modes: np.ndarray,
-    evidence: np.ndarray,
-    least: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Choose hypotheses by minimum description length; return indices and remaining evidence.
+def explain(judge: Judge, modes: Any, evidence: Any, starts: Any, least: int, found: Any) -> None:
+    """Choose hypotheses by minimum description length.
 
     Each hypothesis saves its evidence. A patch is explained once: a hypothesis loses the evidence
     of the patches in the boxes of those that are chosen before. The one with most remaining
-    evidence is chosen next, while it has at least `least`; the first wins a tie.
+    evidence is chosen next, while it has at least `least`; the first wins a tie. `found`
+    (MOST_HYPOTHESES + 1, 4) has their number and the last of `starts` in its first row.
     """
-    order = np.argsort(-evidence.astype(np.int64), kind="stable")
-    order = order[evidence[order] >= least][:MOST_HYPOTHESES]
-    if not len(order):
-        return order, evidence[order]
-    sent = rt.send("recognition.candidates", np.ascontiguousarray(modes[order]))
-    shared = rt.scratch("recognition.shared", (len(order), len(order)), np.int32)
-    rt.recognition.hypotheses.weigh_overlaps(patches, weights, space, frame, sent, shared)
-    loss = np.maximum(rt.to_numpy(shared), 0).astype(np.int64)
-    left = evidence[order].astype(np.int64)
-    chosen, saved = [], []
-    while left.max() >= least:
-        best = int(left.argmax())
-        chosen.append(best)
-        saved.append(int(left[best]))
-        left -= loss[:, best]
-        left[best] = least - 1
-    return order[chosen], np.array(saved)
+    rt = judge.rt
+    most = MOST_HYPOTHESES
+    ranked = rt.scratch("recognition.ranked", (most, 4), np.int32)
+    savings = rt.scratch("recognition.savings", (most,), np.int32)
+    shared = rt.scratch("recognition.shared", (most, most), np.int32)
+    kernels = rt.recognition.hypotheses
+    kernels.rank_modes(modes, evidence, least, ranked, savings)
+    kernels.weigh_overlaps(*judge[1:], ranked, shared)
+    kernels.explain_modes(ranked, savings, shared, starts, least, found)

@@ -14,7 +14,7 @@ from cvkern.kernels.codes.recognition import MOST_WORDS
 from cvkern.recognition import files
 from cvkern.recognition._arguments import Box, check_boxes, check_masks, cut_all, grays_of
 from cvkern.recognition.codebook import METHODS, MOST_CODEBOOK
-from cvkern.recognition.figures import Objects, Segmentation, objects_of, paint
+from cvkern.recognition.figures import Objects, Segmentation, masks_of, objects_of
 from cvkern.recognition.fitting import Fitted, fit
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, MOST_STEP, POINTS, Sampling
 from cvkern.recognition.search import search, votes_of
@@ -255,7 +255,7 @@ class ShapeModel:
         """
         settings, fitted = self._ready()
         found = search(image, scales, threshold, data_range, settings, fitted)
-        return objects_of(found, settings)
+        return objects_of(found, fitted.bias)
 
     def segment(
         self,
@@ -290,11 +290,8 @@ class ShapeModel:
         settings, fitted = self._ready()
         if not fitted.figures.size:
             raise ValueError("the model must be fitted with masks, got one without")
-        found = search(image, scales, threshold, data_range, settings, fitted)
-        masks = found.rt.empty((len(found.modes), *found.shape), np.bool_)
-        if found.votes is not None and len(found.modes):
-            paint(found, fitted.figures, settings, found.rt.adopt(masks, np.bool_))
-        return Segmentation(objects_of(found, settings), found.rt.release(masks))
+        found = search(image, scales, threshold, data_range, settings, fitted, painted=True)
+        return Segmentation(objects_of(found, fitted.bias), masks_of(found))
 
     def votes(
         self,

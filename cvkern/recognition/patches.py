@@ -10,7 +10,6 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.features import corner_harris, corner_peaks, sift
-from cvkern.features._photographs import prepared
 from cvkern.kernels.codes.recognition import FINE, OCTAVE, PART, SPREAD, WHITE
 from cvkern.recognition._kept import kept
 from cvkern.transform.resampling import resample
@@ -18,6 +17,7 @@ from cvkern.transform.resampling import resample
 POINTS = ("grid", "harris", "dog")
 LEAST_SIDE, MOST_SIDE = 8, 25
 MOST_STEP = 64
+MOST_PIXELS = 2**31 - 1
 FLAT = 0.015  # standard deviation, in parts of white, below which a patch shows nothing
 HARRIS_SIGMA = 1.0
 PATCH_SIGMAS = 5.0  # side of a patch, in scales of the DoG keypoint that it surrounds
@@ -49,19 +49,28 @@ class Sampling(NamedTuple):
         return int(self.side * self.side * FLAT * WHITE)
 
 
-class Sampled(NamedTuple):
-    """Patches of an image, by level, row and column."""
+class Places(NamedTuple):
+    """Where the patches of an image are, by level, row and column, on the host."""
 
+    corners: np.ndarray
+    """First pixel of each patch in its pyramid, and the length of its rows, (N, 2) int32."""
     places: np.ndarray
     """Row, column and scale of the centre of each, (N, 3) int32."""
     rows: np.ndarray
     """Place, first patch and last but one of each row of patches, (R, 3) int32."""
     levels: np.ndarray
     """Scale, first row and last but one of each level, (L, 3) int32."""
-    patches: Any
-    """Kernel array (N, D), int8."""
-    grid: bool
-    """Whether the arrays on the host are those of a grid, and never change."""
+
+
+class Pyramid(NamedTuple):
+    """Where the levels of an image lie in an array of pixels, behind the image itself."""
+
+    shapes: tuple[tuple[int, int], ...]
+    """Of the image, then of each level."""
+    firsts: tuple[int, ...]
+    """First pixel of each level, and the number of all."""
+    scales: tuple[float, ...]
+    """Sizes of objects in each level, in sizes of the model."""
 
 
 def scale_code(scale: float) -> int:
@@ -69,111 +78,143 @@ def scale_code(scale: float) -> int:
     return round(OCTAVE * float(np.log2(scale)))
 
 
-def sample(
-    rt: Runtime, image: Any, white: float, scales: Sequence[float], sampling: Sampling
-) -> Sampled:
-    """Sample the patches of an image in which objects have these sizes, in sizes of the model."""
-    gray = prepared(rt, image, white)
+@lru_cache(maxsize=32)
+def pyramid_of(shape: tuple[int, int], scales: tuple[float, ...]) -> Pyramid:
+    """Return the levels of an image for these sizes of objects.
+
+    A level of the size of the image is the image itself.
+    """
+    height, width = shape
+    shapes, firsts, end = [shape], [], height * width
+    for scale in scales:
+        own = max(round(height / scale), 1), max(round(width / scale), 1)
+        shapes.append(own)
+        firsts.append(0 if own == shape else end)
+        end += 0 if own == shape else own[0] * own[1]
+    if end > MOST_PIXELS:
+        raise ValueError(
+            f"image must have at most {MOST_PIXELS} pixels at all scales together, got {end}"
+        )
+    return Pyramid(tuple(shapes), (*firsts, end), scales)
+
+
+def prepare(rt: Runtime, image: Any, white: float, pyramid: Pyramid) -> Any:
+    """Return room for the pixels of a pyramid (P,), for kernels; the image is in it already."""
     height, width = image.shape[:2]
-    shapes = tuple(
-        tuple(max(round(side / scale), 1) for side in (height, width)) for scale in scales
-    )
-    codes = tuple(scale_code(scale) for scale in scales)
-    zoomed = []
-    for number, shape in enumerate(shapes):
-        level = gray
-        if shape != (height, width):
-            level = rt.scratch(f"recognition.level{number}", shape)
+    pixels = rt.scratch("recognition.pyramid", (pyramid.firsts[-1],))
+    gray = pixels[: height * width].reshape((height, width))
+    src = rt.adopt(image, shape=(height, width, image.shape[2] if len(image.shape) == 3 else 1))
+    rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
+    return pixels
+
+
+def fill(rt: Runtime, pixels: Any, pyramid: Pyramid) -> list[Any]:
+    """Fill the levels of a pyramid from its image; return them, for kernels."""
+    height, width = pyramid.shapes[0]
+    gray = pixels[: height * width].reshape((height, width))
+    levels = []
+    for first, shape in zip(pyramid.firsts, pyramid.shapes[1:], strict=False):
+        level = pixels[first : first + shape[0] * shape[1]].reshape(shape)
+        if first:
             resample(rt, gray, (1, height, width, 1), "antialiased", level, (1, *shape, 1))
-        zoomed.append(level)
-    if sampling.points == "grid":
-        corners, places, rows, levels = _grid(shapes, codes, (height, width), sampling)
-    else:
-        found = _points(rt, zoomed, scales, image, white, sampling)
-        corners, places, rows, levels = _listed(found, shapes, codes, (height, width), sampling)
-    patches = rt.scratch("recognition.patches", (len(places), sampling.size), np.int8)
-    kernels = rt.recognition.patches
-    grid = sampling.points == "grid"
-    corners = kept(rt, corners) if grid else rt.send("recognition.corners", corners)
-    for level, (_, first, last) in zip(zoomed, levels.tolist(), strict=True):
-        if first == last:
-            continue
-        begin, end = int(rows[first, 1]), int(rows[last - 1, 2])
-        some = corners[begin:end], sampling.side, sampling.least, patches[begin:end]
-        kernels.sample_patches(level, *some)
-    return Sampled(places, rows, levels, patches, grid)
+        levels.append(level)
+    return levels
+
+
+def cut(rt: Runtime, pixels: Any, corners: Any, sampling: Sampling) -> Any:
+    """Return the patches (N, D) at corners of a pyramid, for kernels."""
+    patches = rt.scratch("recognition.patches", (corners.shape[0], sampling.size), np.int8)
+    rt.recognition.patches.sample_patches(pixels, corners, sampling.side, sampling.least, patches)
+    return patches
 
 
 @lru_cache(maxsize=32)
-def _grid(
-    shapes: tuple[tuple[int, int], ...],
-    codes: tuple[int, ...],
-    whole: tuple[int, int],
-    sampling: Sampling,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the first pixels, places, rows and levels of the patches of a grid."""
+def grid_of(pyramid: Pyramid, sampling: Sampling) -> Places:
+    """Return where the patches of a grid are."""
     found = []
-    for height, width in shapes:
+    for height, width in pyramid.shapes[1:]:
         down, along = (np.arange(0, n - sampling.side + 1, sampling.step) for n in (height, width))
         found.append(np.stack(np.meshgrid(down, along, indexing="ij"), axis=-1).reshape(-1, 2))
-    return _listed(found, shapes, codes, whole, sampling)
+    return _listed(found, pyramid, sampling)
 
 
-def _points(
-    rt: Runtime,
-    zoomed: list[Any],
-    scales: Sequence[float],
-    image: Any,
-    white: float,
-    sampling: Sampling,
-) -> list[np.ndarray]:
-    """Return the first pixels of patches round the points of interest of each level."""
+def points_of(
+    rt: Runtime, levels: list[Any], pyramid: Pyramid, image: Any, white: float, sampling: Sampling
+) -> Places:
+    """Return where the patches round the points of interest of each level are."""
     half = (sampling.side - 1) / 2
     if sampling.points == "harris":
-        levels = [np.array(rt.to_numpy(level)) for level in zoomed]
+        pictures = [np.array(rt.to_numpy(level)) for level in levels]
         peaks = [
-            corner_peaks(corner_harris(level, sigma=HARRIS_SIGMA), sampling.step)
-            for level in levels
+            corner_peaks(corner_harris(picture, sigma=HARRIS_SIGMA), sampling.step)
+            for picture in pictures
         ]
-        return [np.floor(np.asarray(p) - half + 0.5).astype(np.int64) for p in peaks]
+        listed = [np.floor(np.asarray(p) - half + 0.5).astype(np.int64) for p in peaks]
+        return _listed(listed, pyramid, sampling)
     found = sift(image, upright=True, data_range=white)
     points, sigmas = (rt.to_numpy(rt.adopt(a)).astype(np.float64) for a in found[:2])
-    sizes = np.asarray(scales, np.float64)
+    sizes = np.asarray(pyramid.scales, np.float64)
     wanted = sigmas * PATCH_SIGMAS / sampling.side
     nearest = np.abs(np.log2(wanted)[:, None] - np.log2(sizes)).argmin(axis=1)
     listed = []
-    for number, level in enumerate(zoomed):
-        zoom = np.array(level.shape) / np.array(image.shape[:2])
+    for number, shape in enumerate(pyramid.shapes[1:]):
+        zoom = np.array(shape) / np.array(pyramid.shapes[0])
         mine = (points[nearest == number] + 0.5) * zoom - 0.5
         listed.append(np.floor(mine - half + 0.5).astype(np.int64))
-    return listed
+    return _listed(listed, pyramid, sampling)
 
 
-def _listed(
-    found: Sequence[np.ndarray],
-    shapes: Sequence[tuple[int, int]],
-    codes: Sequence[int],
-    whole: tuple[int, int],
-    sampling: Sampling,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Sort the patches of all levels, those inside of the image; return also their places."""
+def _listed(found: Sequence[np.ndarray], pyramid: Pyramid, sampling: Sampling) -> Places:
+    """Sort the patches of all levels by their first pixels, those that are inside of the image."""
     corners, places, rows, levels = [], [], [], []
     count = lines = 0
-    for points, shape, code in zip(found, shapes, codes, strict=True):
+    whole = np.array(pyramid.shapes[0])
+    given = zip(found, pyramid.shapes[1:], pyramid.firsts, pyramid.scales, strict=False)
+    for points, shape, begin, scale in given:
+        code = scale_code(scale)
         inside = ((points >= 0) & (points <= np.array(shape) - sampling.side)).all(axis=1)
         points = np.unique(points[inside], axis=0)
-        centers = (points + sampling.side / 2) * np.array(whole) / np.array(shape) - 0.5
+        centers = (points + sampling.side / 2) * whole / np.array(shape) - 0.5
         at = np.floor(FINE * centers + 0.5).astype(np.int64)
         of_row, first = np.unique(at[:, 0], return_index=True)
         last = np.r_[first[1:], len(at)]
-        corners.append(points)
+        pixel = begin + points[:, 0] * shape[1] + points[:, 1]
+        corners.append(np.column_stack([pixel, np.full(len(pixel), shape[1])]))
         places.append(np.column_stack([at, np.full(len(at), code)]))
         rows.append(np.column_stack([of_row, first + count, last[: len(first)] + count]))
         levels.append((code, lines, lines + len(of_row)))
         count, lines = count + len(at), lines + len(of_row)
-    return (
+    return Places(
         np.concatenate(corners).astype(np.int32),
         np.concatenate(places).astype(np.int32),
         np.concatenate(rows).astype(np.int32),
         np.array(levels, np.int32),
     )
+
+
+def find_places(
+    rt: Runtime, image: Any, white: float, pixels: Any, pyramid: Pyramid, sampling: Sampling
+) -> Places:
+    """Return where the patches of an image are; fill its pyramid if that needs the levels."""
+    if sampling.points == "grid":
+        return grid_of(pyramid, sampling)
+    return points_of(rt, fill(rt, pixels, pyramid), pyramid, image, white, sampling)
+
+
+def sample(
+    rt: Runtime, image: Any, white: float, scales: Sequence[float], sampling: Sampling
+) -> tuple[Places, Any]:
+    """Return the places of the patches of an image, and the patches (N, D) for kernels."""
+    pyramid = pyramid_of(tuple(image.shape[:2]), tuple(scales))
+    pixels = prepare(rt, image, white, pyramid)
+    places = find_places(rt, image, white, pixels, pyramid, sampling)
+    if sampling.points == "grid":
+        fill(rt, pixels, pyramid)
+    return places, cut(rt, pixels, sent(rt, "corners", places.corners, sampling), sampling)
+
+
+def sent(rt: Runtime, name: str, array: np.ndarray, sampling: Sampling) -> Any:
+    """View a host array for kernels; a GPU keeps those of a grid, which never change."""
+    if sampling.points == "grid":
+        return kept(rt, array)
+    return rt.send(f"recognition.{name}", array)

@@ -1,24 +1,46 @@
-"""The search of a picture for objects: patches, votes, modes, evidence, description."""
+"""The search of a picture for objects: patches, votes, modes, evidence, description.
+
+All of it is done by kernels, on arrays of fixed sizes: the host reads the result once.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._checks import check_number
-from cvkern._runtime import runtime
-from cvkern.kernels.codes.recognition import Occurrences
+from cvkern._runtime import Runtime, runtime
+from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, UNIT, Occurrences
 from cvkern.recognition._arguments import check_picture, check_scales
 from cvkern.recognition._kept import kept
-from cvkern.recognition.figures import Found, inside
+from cvkern.recognition.figures import PAINTED, Painter
 from cvkern.recognition.fitting import Fitted, frame_on
-from cvkern.recognition.hypotheses import climb, explain, weigh
-from cvkern.recognition.patches import sample
-from cvkern.recognition.training import UNIT, Settings
-from cvkern.recognition.votes import activate, factors_at, find_modes, layout
+from cvkern.recognition.hypotheses import Judge, climb, explain, weigh
+from cvkern.recognition.patches import Places, cut, fill, find_places, prepare, pyramid_of, sent
+from cvkern.recognition.training import Settings
+from cvkern.recognition.votes import Hall, activate, find_modes, hall_on, layout
 
 HOPE = 6  # evidence below the threshold from which on a mode climbs
+ROOM = 2**20  # votes that a GPU has room for, at first
+
+_rooms: dict[str, int] = {}  # votes that each device has had room for
+
+
+class Found(NamedTuple):
+    """What a search found in a picture."""
+
+    rt: Runtime
+    shape: tuple[int, int]
+    hall: Hall
+    sums: Any
+    """Sum of the weights of votes in each cell, (C,) int32, for kernels."""
+    number: int
+    """Number of objects."""
+    modes: Any
+    """A row that has their number; row, column, scale and evidence of each, for kernels."""
+    painter: Painter | None
+    """What paints figures; None if there are none."""
 
 
 def search(
@@ -28,41 +50,82 @@ def search(
     data_range: float | None,
     settings: Settings,
     fitted: Fitted,
+    painted: bool = False,
 ) -> Found:
-    """Return what is found in a picture, for kernels."""
+    """Return what is found in a picture; figures are painted if asked for."""
     image, white = check_picture(image, "image", data_range)
     sizes = check_scales(scales)
     least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
-    rt = runtime(image)
-    shape = tuple(image.shape[:2])
-    nothing = Found(rt, shape, np.empty((0, 4), np.int32), np.empty(0), None)
-    sampled = sample(rt, image, white, settings.sizes(sizes), settings.sampling)
-    if not len(sampled.places):
-        return nothing
-    patches = activate(rt, sampled, fitted.words, settings.least, settings.most)
-    occurrences = Occurrences(kept(rt, fitted.starts), kept(rt, fitted.entries))
-    votes, modes = find_modes(rt, patches, occurrences, shape, sizes)
-    modes = modes[inside(modes, np.array(shape), settings)]
-    if not len(modes):
-        return nothing._replace(votes=votes)
-    weights, space = kept(rt, fitted.weights), votes.space
-    frame = frame_on(rt, settings)
     floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
-    evidence = weigh(rt, patches, weights, space, frame, modes)
-    promising = evidence >= floor - HOPE * UNIT
-    modes, evidence = modes[promising], evidence[promising]
-    factors = factors_at(layout((shape[0], shape[1]), sizes)[0], modes[:, 2])
-    modes, evidence = climb(rt, patches, weights, space, frame, modes, factors, evidence)
-    chosen, left = explain(rt, patches, weights, space, frame, modes, evidence, floor)
-    return Found(rt, shape, modes[chosen], (left + fitted.bias) / UNIT, votes)
+    rt = runtime(image)
+    shape = int(image.shape[0]), int(image.shape[1])
+    sampling, side = settings.sampling, settings.sampling.side
+    pyramid = pyramid_of(shape, settings.sizes(sizes))
+    pixels = prepare(rt, image, white, pyramid)
+    places = find_places(rt, image, white, pixels, pyramid, sampling)
+    hall = hall_on(rt, shape, sizes, (settings.height, settings.width))
+    sums = rt.scratch("recognition.cells", (cells_of(shape, sizes),), np.int32)
+    modes = rt.scratch("recognition.found", (MOST_HYPOTHESES + 1, 4), np.int32)
+    balance = None
+    if painted:
+        sides = settings.height + 2 * side, settings.width + 2 * side
+        balance = rt.scratch("recognition.balance", (PAINTED, *sides), np.int32)
+    if not len(places.places):
+        rt.clear(sums)
+        return Found(rt, shape, hall, sums, 0, modes, None)
+    corners, *there = (
+        sent(rt, name, array, sampling) for name, array in zip(Places._fields, places, strict=True)
+    )
+    words, weights = kept(rt, fitted.words), kept(rt, fitted.weights)
+    occurrences = Occurrences(kept(rt, fitted.starts), kept(rt, fitted.entries))
+    figures = kept(rt, fitted.figures) if painted else None
+    frame = frame_on(rt, settings)
+    painters: list[Painter] = []
+    room = _rooms.get(rt.device, ROOM)
+
+    def run() -> None:
+        """Launch all kernels."""
+        if sampling.points == "grid":
+            fill(rt, pixels, pyramid)
+        patches = activate(
+            rt, cut(rt, pixels, corners, sampling), there, words, settings.least, settings.most
+        )
+        own, starts = find_modes(rt, patches, occurrences, hall, sums, room)
+        judge = Judge(rt, patches, weights, hall.space, frame)
+        promising = max(floor - HOPE * UNIT, -(2**31))
+        climbed = climb(judge, own, weigh(judge, own), promising)
+        explain(judge, *climbed, starts, floor, modes)
+        if painted:
+            painters[:] = [Painter(rt, patches, occurrences, hall, frame, figures, balance)]
+            painters[0].paint(modes)
+
+    given = pixels, corners, *there, words, weights, *occurrences, *hall.space[:1], hall.tiles
+    given += hall.space.factors, hall.spans, frame.layers, sums, modes
+    given += (figures, balance) if painted else ()
+    while True:
+        key = "recognition.search", settings, sizes, shape, floor, room
+        if sampling.points == "grid":
+            rt.repeat(key, run, given)
+        else:
+            run()
+        number, votes = (int(n) for n in rt.to_numpy(modes)[0, :2])
+        if rt.device == "cpu" or votes <= room:
+            break
+        room = _rooms[rt.device] = 1 << (votes - 1).bit_length()
+    return Found(rt, shape, hall, sums, number, modes, painters[0] if painters else None)
+
+
+def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:
+    """Return the number of cells for votes."""
+    bins = layout(shape, sizes)[0].bins
+    return int(bins[-1, 0] + bins[-1, 1] * bins[-1, 2])
 
 
 def votes_of(found: Found, scales: Any) -> list[np.ndarray]:
     """Return the sums of the cells of each scale, on the host."""
-    bins, _, _ = layout((found.shape[0], found.shape[1]), check_scales(scales))
-    if found.votes is None:
-        return [np.zeros((rows, columns), np.int32) for _, rows, columns, _, _ in bins[0]]
-    sums = np.array(found.rt.to_numpy(found.votes.sums))
-    ends = np.cumsum([rows * columns for _, rows, columns, _, _ in bins[0]])
-    parts = np.split(sums, ends[:-1])
-    return [part.reshape(b[1], b[2]) for part, b in zip(parts, bins[0], strict=True)]
+    bins = layout(found.shape, check_scales(scales))[0].bins.tolist()
+    sums = np.array(found.rt.to_numpy(found.sums))
+    return [
+        sums[first : first + rows * columns].reshape(rows, columns)
+        for first, rows, columns, _, _ in bins
+    ]

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, OCTAVE, ONE, Frame
-from cvkern.recognition.patches import Sampled, Sampling, sample, scale_code
+from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, OCTAVE, ONE, UNIT, Frame
+from cvkern.recognition._kept import kept
+from cvkern.recognition.patches import Places, Sampling, sample, scale_code, sent
 from cvkern.recognition.votes import activate
 
 if TYPE_CHECKING:
     import scipy.sparse
 
-UNIT = 2**14  # evidence of 1, a factor of e in the odds
 LARGEST_WEIGHT = 8 * UNIT
 MOST_PLACES = 32  # occurrences of a word that are kept
 MERGED = 2 * FINE  # places of occurrences are rounded to this
@@ -84,11 +85,18 @@ class Settings(NamedTuple):
         return tuple(sorted({s * 2**layer for s in scales for layer in range(self.layers)}))
 
 
+@lru_cache(maxsize=32)
+def frame_of(settings: Settings) -> Frame:
+    """Return the frame of a model, on the host."""
+    return settings.frame
+
+
 class Example(NamedTuple):
     """The patches of a picture, on the host."""
 
-    sampled: Sampled
-    """Places, rows and levels; the patches are on the host too, if they have no words yet."""
+    places: Places
+    patches: np.ndarray
+    """Patches (N, D) int8, if they have no words yet."""
     level: np.ndarray
     """Level of each patch, (N,)."""
     matches: np.ndarray
@@ -125,21 +133,25 @@ def look(
 ) -> Example:
     """Return the patches of a picture from a first pixel on, and their words if there are any."""
     image = np.ascontiguousarray(image[first[0] :, first[1] :])
-    sampled = sample(rt, image, 1.0, settings.sizes(scales), settings.sampling)
-    count = len(sampled.places)
+    places, patches = sample(rt, image, 1.0, settings.sizes(scales), settings.sampling)
+    count = len(places.places)
     level = np.zeros(count, np.int32)
-    for number, (_, begin, end) in enumerate(sampled.levels.tolist()):
+    for number, (_, begin, end) in enumerate(places.levels.tolist()):
         if begin < end:
-            level[sampled.rows[begin, 1] : sampled.rows[end - 1, 2]] = number
-    matches = np.empty((count, 0), np.int32)
+            level[places.rows[begin, 1] : places.rows[end - 1, 2]] = number
+    matches, own = np.empty((count, 0), np.int32), np.empty((0, 0), np.int8)
     if words is None:
-        sampled = sampled._replace(patches=np.array(rt.to_numpy(sampled.patches)))
+        own = np.array(rt.to_numpy(patches))
     elif count:
-        active = activate(rt, sampled, words, settings.least, settings.most)
+        there = [
+            sent(rt, name, getattr(places, name), settings.sampling) for name in Places._fields[1:]
+        ]
+        active = activate(rt, patches, there, kept(rt, words), settings.least, settings.most)
         matches = np.array(rt.to_numpy(active.matches))
     shift = FINE * np.array([*first, 0], np.int32)
-    rows = sampled.rows + shift[[0, 2, 2]]
-    return Example(sampled._replace(places=sampled.places + shift, rows=rows), level, matches)
+    rows = places.rows + shift[[0, 2, 2]]
+    moved = places._replace(places=places.places + shift, rows=rows)
+    return Example(moved, own, level, matches)
 
 
 def occurrences_of(
@@ -154,7 +166,7 @@ def occurrences_of(
     found, figures = [], []
     for example, mask in zip(examples, masks, strict=True):
         patch, _ = active = np.nonzero(example.matches != NOBODY)
-        places = example.sampled.places[patch]
+        places = example.places.places[patch]
         own = 2.0 ** (places[:, 2:] / OCTAVE)  # offsets are in pixels of the patch
         offset = np.rint((middle - places[:, :2]) / own / MERGED) * MERGED
         row = [example.matches[active], offset, -places[:, 2]]
@@ -193,14 +205,14 @@ def most_frequent(words: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 def window_at(example: Example, place: np.ndarray, factors: Factors, settings: Settings) -> Window:
     """Return what lies in the frame at a place (row, column, scale), as kernels find it."""
-    sampled, side = example.sampled, settings.sampling.side
+    seen, side = example.places, settings.sampling.side
     axis = int(settings.width >= settings.height)
     parts = []
     for layer, (high, wide, down, along, offset, first) in enumerate(settings.frame.layers):
         half = np.array([high, wide])
-        codes = sampled.levels[:, 0]
+        codes = seen.levels[:, 0]
         level = int(np.abs(codes - place[2] - offset).argmin())
-        apart = sampled.places[:, :2].astype(np.int64) - place[:2]
+        apart = seen.places[:, :2].astype(np.int64) - place[:2]
         u = (apart << FACTOR_BITS) // factors(int(codes[level])) + half
         inside = ((u >= 0) & (u < 2 * half)).all(axis=1) & (example.level == level)
         patch = np.flatnonzero(inside)
@@ -280,6 +292,5 @@ def dense_modes(shape: tuple[int, ...], settings: Settings, scale: float) -> np.
         half = FINE * size * scale / 2
         spans.append(np.arange(half, max(FINE * side - half, half + 1), WINDOW_STEP * scale))
     y, x = (np.rint(a.ravel()) for a in np.meshgrid(*spans, indexing="ij"))
-    return np.column_stack([y, x, np.full(len(y), scale_code(scale)), np.zeros(len(y))]).astype(
-        np.int32
-    )
+    scales = np.full(len(y), scale_code(scale))
+    return np.column_stack([y, x, scales, np.ones(len(y))]).astype(np.int32)

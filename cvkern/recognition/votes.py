@@ -20,7 +20,7 @@ from cvkern.kernels.codes.recognition import (
     Window,
 )
 from cvkern.recognition._kept import kept
-from cvkern.recognition.patches import Sampled, scale_code
+from cvkern.recognition.patches import scale_code
 
 CELL = 4  # pixels of the model along the side of a cell of votes
 TILE = 3  # cells along the side of a tile, of which the best place is followed up
@@ -28,18 +28,21 @@ RADIUS = 5.0  # pixels of the model: the kernel of mean shift
 ROUNDS = 5  # steps of mean shift
 MOST_MODES = 512  # maxima that are followed up, the highest
 MARGIN = 2 * OCTAVE  # scales beyond those of the levels that have a factor
+OVERHANG = 0.1  # part of the sides of a box that may stick out of the picture
 WIDEST = 2.0  # least spacing of scales that counts as one, octaves
 
 
-class Votes(NamedTuple):
-    """The votes of a picture, for kernels."""
+class Hall(NamedTuple):
+    """Where votes for objects in an image are counted, for kernels."""
 
-    patches: Patches
-    occurrences: Occurrences
     space: Space
     window: Window
-    sums: Any
-    """Sum of the weights in each cell, (C,) int32."""
+    tiles: Any
+    """Cells of which the best place is followed up, (T, 5) int32."""
+    spans: Any
+    """Least row and column of a mode, and the largest, at each scale, (F, 4) int32."""
+    sizes: Any
+    """Scale, half the height and half the width of the box at each scale, (F, 3) float64."""
 
 
 @lru_cache(maxsize=32)
@@ -67,68 +70,76 @@ def layout(shape: tuple[int, int], scales: tuple[float, ...]) -> tuple[Space, Wi
     return space, window, np.concatenate(tiles).astype(np.int32)
 
 
-def factors_at(space: Space, scales: np.ndarray) -> np.ndarray:
-    """Return sizes at scales, in parts of 2^16, from an accumulator on the host."""
-    return space.factors[np.clip(scales - space.lowest, 0, len(space.factors) - 1)]
+@lru_cache(maxsize=32)
+def boxes_in(
+    shape: tuple[int, int], scales: tuple[float, ...], box: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the spans of modes and the sizes of boxes at each scale; `Hall` describes them.
+
+    A box of an object lies within the image, but for `OVERHANG` of its sides.
+    """
+    space, _, _ = layout(shape, scales)
+    size = 2.0 ** ((np.arange(len(space.factors)) + space.lowest)[:, None] / OCTAVE)
+    half = size * np.array(box) / 2
+    low = (1 - 2 * OVERHANG) * half - 0.5
+    spans = np.concatenate([np.ceil(FINE * low), np.floor(FINE * (np.array(shape) - 1 - low))], 1)
+    return spans.astype(np.int32), np.ascontiguousarray(np.concatenate([size, half], axis=1))
 
 
-def activate(rt: Runtime, sampled: Sampled, words: np.ndarray, least: int, most: int) -> Patches:
-    """Match patches with the words of a codebook; return what is voted with, for kernels."""
-    count = len(sampled.places)
+def hall_on(
+    rt: Runtime, shape: tuple[int, int], scales: tuple[float, ...], box: tuple[int, int]
+) -> Hall:
+    """Return where votes for objects are counted, for kernels."""
+    space, window, tiles = layout(shape, scales)
+    space = space._replace(bins=kept(rt, space.bins), factors=kept(rt, space.factors))
+    spans, sizes = boxes_in(shape, scales, box)
+    return Hall(space, window, kept(rt, tiles), kept(rt, spans), kept(rt, sizes))
+
+
+def activate(
+    rt: Runtime, patches: Any, places: Sequence[Any], words: Any, least: int, most: int
+) -> Patches:
+    """Match patches with the words of a codebook; return what is voted with, for kernels.
+
+    `places` are the places, rows and levels of the patches, for kernels.
+    """
     products, matches = (
-        rt.scratch(f"recognition.{name}", (count, most), np.int32)
+        rt.scratch(f"recognition.{name}", (patches.shape[0], most), np.int32)
         for name in ("products", "matches")
     )
-    rt.recognition.codebook.match_words(sampled.patches, kept(rt, words), least, products, matches)
-    places, rows, levels = (
-        kept(rt, array) if sampled.grid else rt.send(f"recognition.{name}", array)
-        for name, array in zip(("places", "rows", "levels"), sampled[:3], strict=True)
-    )
-    return Patches(places, rows, levels, matches)
+    rt.recognition.codebook.match_words(patches, words, least, products, matches)
+    where, rows, levels = places
+    return Patches(where, rows, levels, matches)
 
 
 def find_modes(
-    rt: Runtime,
-    patches: Patches,
-    occurrences: Occurrences,
-    shape: tuple[int, int],
-    scales: Sequence[float],
-) -> tuple[Votes, np.ndarray]:
-    """Return the votes of patches, and their modes (T, 4) on the host."""
-    space, window, tiles = layout(tuple(shape), tuple(scales))
-    kernels = rt.recognition.votes
-    cells = int((space.bins[:, 1] * space.bins[:, 2]).sum())
-    space = Space(rt.constant(space.bins), space.slack, rt.constant(space.factors), space.lowest)
-    sums = rt.scratch("recognition.cells", (cells,), np.int32)
+    rt: Runtime, patches: Patches, occurrences: Occurrences, place: Hall, sums: Any, room: int
+) -> tuple[Any, Any]:
+    """Return the modes of the votes of patches (M, 4), those that are none with density 0.
+
+    Also return where the votes of each cell begin: if the last one is beyond the `room` for votes
+    on a GPU, some were left out. `sums` become the sums of weights.
+    """
+    kernels, space = rt.recognition.votes, place.space
+    cells = sums.shape[0]
     counts = rt.scratch("recognition.counts", (cells,), np.int32)
     starts = rt.scratch("recognition.starts", (cells + 1,), np.int32)
     kernels.count_votes(patches, occurrences, space, sums, counts)
-    maxima = rt.scratch("recognition.maxima", (len(tiles), 4), np.int32)
-    kernels.find_maxima(sums, space, kept(rt, tiles), maxima)
-    highest = np.asarray(rt.to_numpy(maxima))
-    highest = highest[strongest(highest[:, 3], MOST_MODES)]
-    if not len(highest):
-        return Votes(patches, occurrences, space, window, sums), highest
-    sent = rt.send("recognition.highest", highest)
-    kernels.mark_votes(sent, space, window, counts, starts)
-    count = int(rt.to_numpy(starts[cells : cells + 1])[0])
-    votes = rt.scratch("recognition.votes", (count, 4), np.int32)
+    maxima = rt.scratch("recognition.maxima", (place.tiles.shape[0], 4), np.int32)
+    kernels.find_maxima(sums, space, place.tiles, maxima)
+    highest, modes, single = (
+        rt.scratch(f"recognition.{name}", (MOST_MODES, 4), np.int32)
+        for name in ("highest", "modes", "single")
+    )
+    kernels.select_maxima(maxima, highest)
+    kernels.mark_votes(highest, space, place.window, counts, starts)
+    if rt.device == "cpu":
+        room = int(rt.host_view(starts)[-1])
+    votes = rt.scratch("recognition.votes", (room, 4), np.int32)
     kernels.list_votes(patches, occurrences, space, starts, votes)
-    modes = rt.scratch("recognition.modes", highest.shape, np.int32)
-    kernels.shift_modes(votes, starts, space, window, sent, modes)
-    found = Votes(patches, occurrences, space, window, sums)
-    moved = np.asarray(rt.to_numpy(modes))
-    return found, moved[distinct(moved)]
-
-
-def strongest(values: np.ndarray, most: int) -> np.ndarray:
-    """Return the indices of the largest values above 0, ascending; of equal ones, the first."""
-    least = np.partition(values, -most)[-most] if len(values) > most else 0
-    above = np.flatnonzero(values > max(least, 0))
-    if least <= 0:
-        return above
-    equal = np.flatnonzero(values == least)[: most - len(above)]
-    return np.sort(np.concatenate([above, equal]))
+    kernels.shift_modes(votes, starts, space, place.window, highest, modes)
+    kernels.single_modes(modes, place.spans, space.lowest, single)
+    return single, starts
 
 
 def distinct(modes: np.ndarray) -> np.ndarray:

@@ -106,6 +106,7 @@ def adjust(
     for _ in range(effort.steps if len(bundle.seen) else 0):
         equations.linearise()
         before = best
+        # The damping is ten times as large in each round.
         while damping <= MOST_DAMPING:
             steps = equations.step(bundle, still, held, damping)
             if steps is not None:

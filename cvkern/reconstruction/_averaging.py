@@ -91,6 +91,7 @@ def _one_by_one(
     both = np.concatenate((ends, ends[:, ::-1]))
     moves = np.concatenate((turns, turns.transpose(0, 2, 1)))
     strength = np.bincount(ends.ravel(), np.repeat(numbers, 2), count)
+    # Each round adds one photograph.
     while not known.all():
         open_ = known[both[:, 0]] & ~known[both[:, 1]]
         links = np.bincount(both[open_, 1], minlength=count)

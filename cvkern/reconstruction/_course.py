@@ -62,6 +62,7 @@ def find_models(course: Course, heap: Heap, lenses: Lenses) -> list[Growth]:
         return []
     models = [begun]
     _grow(course, begun, 0)
+    # A model places two photographs at least that were left.
     while True:
         left = ~np.any([m.placed for m in models], axis=0)
         largest = max(int(m.placed.sum()) for m in models)

@@ -144,6 +144,8 @@ class Growth:
     ) -> None:
         """Place photographs until none can be placed, or until `most` are."""
         total = len(self.placed)
+        # Placed photographs stay placed. For each number of them there is at most one settling, and
+        # before and after it each of the others fails once at most, as what it shows stays.
         while not self.placed.all() and (most is None or self.placed.sum() < most):
             save()
             say(int(self.placed.sum()), total, "Placing photographs")

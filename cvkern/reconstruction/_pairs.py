@@ -249,6 +249,7 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
         off = np.arccos(np.clip((np.trace(closed, axis1=1, axis2=2) - 1) / 2, -1, 1))
         good[n, others], bad[n, others] = off <= LOOP, off > LOOP
     kept = np.ones(len(pairs), bool)
+    # Each round leaves out a pair at least: only shares of kept pairs are below 1.
     while kept.any():
         closing, all_of = good.sum(axis=1), (good | bad).sum(axis=1)
         share = np.where(kept & (all_of > 0), closing / np.maximum(all_of, 1), 1.0)

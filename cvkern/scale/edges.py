@@ -45,14 +45,14 @@ def thresholds(
 ) -> tuple[float, float]:
     """Return the two quantiles of the gradient's length in an image, as exact thresholds.
 
-    `options` are those of :func:`canny`, and `read` gives the window of a tile and its mask. The
+    `options` are those of :func:`canny`, and `read` gives the windows of a tile and its mask. The
     bits of floats >= 0 have the order of their values: a first pass counts their upper halves, a
     second one the lower halves of those whose upper half is that of the order statistic.
     """
     count = np.zeros(2**15, np.int64)
     for tile in tiles:
         count += np.bincount(_lengths(tile, read, options) >> 16, minlength=len(count))
-    _, checked = _checked(read(tiles[0])[0], options)
+    _, checked = _checked(read(tiles[0])[0][0], options)
     strict = checked.rule != Thinning.FRAMED
     ranks = ranks_of(checked.thresholds, int(count.sum()), strict)
     upper = [int(np.searchsorted(np.cumsum(count), rank, side="right")) for rank in ranks]
@@ -74,7 +74,7 @@ def thresholds(
 
 def _lengths(tile: Any, read: Callable[[Any], tuple[Any, Any]], options: dict[str, Any]) -> Any:
     """Return the bits of what thresholds are compared with, of the pixels of a tile, int32."""
-    window, beside = read(tile)
+    (window,), beside = read(tile)
     image, checked = _checked(window, options | beside)
     rt = runtime(image, checked.around.mask)
     shape = tuple(image.shape[:2])

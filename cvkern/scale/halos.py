@@ -10,8 +10,11 @@ from typing import Any
 import numpy as np
 
 import cvkern
-from cvkern._checks import check_number, check_pair
+from cvkern._checks import as_numbers, check_integer, check_number, check_pair
 from cvkern.filters.linear import check_radius
+from cvkern.hough.circles.votes import MAX_RADIUS
+from cvkern.stereo._strips import OVERLAP
+from cvkern.stereo.windows import RADII, SPACING
 
 Options = Mapping[str, Any]
 
@@ -32,6 +35,19 @@ def _spread(options: Options, truncate: Any = 4.0) -> int:
     return int(radius + 0.5)
 
 
+def _radii(options: Options) -> int:
+    given = as_numbers(options["radius"], "radius", object).reshape(-1).tolist()
+    return max((check_integer(r, "radius", 1, MAX_RADIUS) for r in given), default=1)
+
+
+def _matched(options: Options) -> int:
+    """Return on how many rows a disparity depends; paths, which have no end, are cut off."""
+    census = RADII[0] * SPACING
+    window = check_integer(options["window"], "window", 1, 2**16) // 2
+    reach = OVERLAP if options["method"] == "semi-global" else window + census
+    return reach + check_integer(options["smoothing"], "smoothing", 0, 2**16)
+
+
 _HALOS: dict[str, Callable[[Options], int]] = {
     "box": lambda options: int(_largest(options, "radius")),
     # The Gaussian, the operator, the comparison with neighbours, and the rim without edges.
@@ -39,6 +55,8 @@ _HALOS: dict[str, Callable[[Options], int]] = {
     "correlate_separable": _taps,
     "gaussian": lambda options: _spread(options, options["truncate"]),
     "gradient": lambda options: _spread(options) + 1,
+    "hough_circle": _radii,
+    "hough_line": lambda _: 0,
     "laplace": lambda _: 2,
     "median": lambda options: int(_largest(options, "radius")),
     "prewitt": lambda _: 2,
@@ -46,6 +64,7 @@ _HALOS: dict[str, Callable[[Options], int]] = {
     "sobel": lambda _: 2,
     "sobel_h": lambda _: 2,
     "sobel_v": lambda _: 2,
+    "stereo_match": _matched,
 }
 
 TILED = tuple(sorted(_HALOS))
@@ -66,7 +85,7 @@ def halo(function: Any, **options: Any) -> int:
     -------
     int
         Pixels. With at least so many around it, or the image's border, the inside of a tile is that
-        of the whole image in every bit.
+        of the whole image in every bit; of `stereo_match`, as :func:`apply` says.
 
     Raises
     ------
@@ -85,7 +104,8 @@ def halo(function: Any, **options: Any) -> int:
     if name not in _HALOS or (callable(function) and function is not getattr(cvkern, name)):
         raise ValueError(f"function must be one of {', '.join(TILED)}, got {name or function!r}")
     try:
-        bound = inspect.signature(getattr(cvkern, name)).bind(None, **options)
+        images = (None,) * (2 if name == "stereo_match" else 1)
+        bound = inspect.signature(getattr(cvkern, name)).bind(*images, **options)
     except TypeError as error:
         raise TypeError(f"options must be those of {name}: {error}") from None
     bound.apply_defaults()
@@ -95,6 +115,8 @@ def halo(function: Any, **options: Any) -> int:
         "batch_axis": given.get("batch_axis") is not None,
         "out": given.get("out") is not None,
         "channel_axis": given.get("channel_axis") not in (None, -1, 2),
+        "full_output": bool(given.get("full_output")),
+        "points": given.get("points") is not None,
     }
     for option, wrong in refused.items():
         if wrong:
@@ -110,4 +132,6 @@ _REASONS = {
     "batch_axis": "pass the images one by one",
     "out": "pass target",
     "channel_axis": "channels must be the last axis",
+    "full_output": "centres outside the image belong to no tile",
+    "points": "pass a mask",
 }

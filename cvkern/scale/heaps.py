@@ -103,7 +103,8 @@ def map_images(
     Raises
     ------
     ValueError
-        If `paths` is empty, two files would have the same result, the function, the engine or the
+        If `paths` is empty, two files would have the same result, a result would replace a file of
+        `paths`, the function, the engine or the
         device is unknown, or `suffix` is no format of results.
     TypeError
         If a path is not one.
@@ -145,6 +146,12 @@ def map_images(
     if len(set(results)) < len(results):
         twice = next(r for r in results if results.count(r) > 1)
         raise ValueError(f"paths must have different names, got {twice.stem!r} twice")
+    read = {file.resolve() for file in files}
+    over = next((result for result in results if result.resolve() in read), None)
+    if over is not None:
+        raise ValueError(
+            f"target must not hold a file of paths, got {str(over)!r}: take another folder"
+        )
     with cvkern.use(device=device):  # refuses a device that is not there
         backend, place = choice()
     place = "cuda" if device == "cuda" else place  # any GPU

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import cvkern
 from cvkern._checks import check_integer, check_pair
-from cvkern._runtime import refuse_capture
+from cvkern._runtime import check_devices, choice, refuse_capture, use
 from cvkern.scale._lazy import lazy_tiles
 from cvkern.scale.edges import Place, Seams, thresholds, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
+from cvkern.scale.votes import line_votes
 
 TILE = 2048
+MAPS = "mask", "orientation", "weights"  # options that are images, read tile by tile
+WHOLE = "hough_line", "stereo_match"  # functions of all tiles, or of two images
+LEADING = ("hough_circle",)  # results whose last axes are rows and columns
 
 
 class Tile(NamedTuple):
@@ -39,6 +46,7 @@ def apply(
     *,
     tile: int | tuple[int, int] = TILE,
     journal: Any = None,
+    devices: Sequence[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
     **options: Any,
 ) -> Any:
@@ -50,32 +58,39 @@ def apply(
     ----------
     function : function or str
         One of :data:`TILED`, or its name.
-    source : array of shape (H, W) or (H, W, C)
+    source : array of shape (H, W) or (H, W, C), or a tuple of two for `stereo_match`
         Anything with a `shape` that gives an array when it is sliced by rows and columns: a NumPy
         memory map, an array of Zarr or HDF5. For an array of Dask, tiles are tasks of Dask, which
-        run where its scheduler says: on threads, or on the workers of a client.
+        run where its scheduler says: on threads, or on the workers of a client; not for
+        `hough_circle`, `hough_line` and `stereo_match`.
     target : array of the result's shape, or a tuple of them, optional
         Anything that takes a tile when it is assigned to a slice. When omitted, NumPy arrays are
         allocated; of an array of Dask, one of Dask is returned, and nothing is computed yet.
-        Functions with several results need one target for each.
+        Functions with several results need one target for each. None for `hough_line`, whose votes
+        are added up in memory.
     tile : int or (int, int), default 2048
-        Height and width of a tile, pixels.
+        Height and width of a tile, pixels; of `stereo_match`, strips have all columns.
     journal : path, optional
         A folder that is made, in which finished tiles are noted. After a run that was killed, the
         same call goes on with the others. It is removed at the end. The function, its options and
         the shapes must be the same; pixels are not compared. Not for arrays of Dask, which
         computes the tasks of a lost worker again.
+    devices : sequence of str, optional
+        Compute tiles on several GPUs in turn, such as ``("cuda:0", "cuda:1")``; by default on the
+        device in use. Not for arrays of Dask.
     progress : callable, optional
         Called with the number of finished tiles and that of all of them; not for arrays of Dask,
         which have progress bars of their own.
     **options
-        As the function takes them. Of `mask`, the part of each tile is read.
+        As the function takes them. Of `mask`, `orientation` and `weights`, the part of each tile
+        is read.
 
     Returns
     -------
     array, or tuple of arrays
-        `target`, or the arrays in its place. The values are those of the function on the whole
-        image, in every bit.
+        `target`, or the arrays in its place; of `hough_line` and `stereo_match`, what they return.
+        The values are those of the function on the whole image, in every bit, except for
+        `stereo_match` (see Notes).
 
     Raises
     ------
@@ -91,6 +106,11 @@ def apply(
     tile without a strong one, packed; a last pass decides about them. With `use_quantiles`, two
     passes before find the thresholds.
 
+    Paths of :func:`stereo_match` go through the whole image. Strips read 64 rows more on each side,
+    after which paths have mostly forgotten where they began; `max_bytes` cuts volumes in the same
+    way. With the method 'window' and ``speckle_size=0``, values are those of the whole image where
+    every row has a valid pixel.
+
     Examples
     --------
     >>> import numpy as np
@@ -104,57 +124,59 @@ def apply(
     refuse_capture("scale.apply")
     reach = halo(function, **options)
     name = function if isinstance(function, str) else function.__name__
-    shape = _shape(source)
+    sources = source if name == "stereo_match" and isinstance(source, tuple) else (source,)
+    shape = _shape(sources, 2 if name == "stereo_match" else 1)
     sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
-    mask = options.pop("mask", None)
-    if mask is not None and np.shape(mask) != shape[:2]:
-        raise ValueError(f"mask must have shape {shape[:2]}, got {tuple(mask.shape)}")
-    seams = Seams(shape[:2]) if name == "canny" else None
-    call = tile_edges if seams else getattr(cvkern, name)
+    if name == "stereo_match":
+        sides[1] = shape[1]
+    maps = {key: options.pop(key) for key in MAPS if options.get(key) is not None}
+    for key, values in maps.items():
+        if np.shape(values) != shape[:2]:
+            raise ValueError(f"{key} must have shape {shape[:2]}, got {np.shape(values)}")
     tiles = list(tiles_of(shape[:2], sides, reach))
-    if hasattr(source, "__dask_graph__"):
+    places = check_devices(devices)
+    if hasattr(sources[0], "__dask_graph__"):
         if journal is not None or progress is not None:
             raise ValueError("journal and progress must be None for an array of Dask")
-        if options.get("use_quantiles"):
-            raise ValueError("use_quantiles must be False for an array of Dask: give thresholds")
-        _, shapes, dtypes = results_of(name, source, **options)
-        work = None if seams else call
-        found = lazy_tiles(work, source, tiles, options, mask, (shapes, dtypes))
-        return found if target is None else _store(found, target)
+        return _lazy(name, source, target, tiles, options, maps)
+
+    def read(tile: Tile) -> tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]:
+        windows = tuple(_cut(one, tile.window, "source") for one in sources)
+        return windows, {key: _cut(one, tile.window, key) for key, one in maps.items()}
+
+    if name == "hough_line":
+        if journal is not None or target is not None:
+            raise ValueError("journal and target must be None for hough_line")
+        return line_votes(_told(tiles, read, progress), shape[:2], options)
+    seams = Seams(shape[:2]) if name == "canny" else None
+    call = tile_edges if seams else getattr(cvkern, name)
     plan = {"function": name, "shape": shape, "tile": sides, "options": options}
-    book = Journal(journal, plan | {"masked": mask is not None})
+    book = Journal(journal, plan | {"maps": sorted(maps)})
     if book.begun and target is None:
         raise ValueError("target must be given to go on with a journal, got None")
 
-    def read(tile: Tile) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        window = _cut(source, tile.window, "source")
-        return window, {} if mask is None else {"mask": _cut(mask, tile.window, "mask")}
-
     def write(tile: Tile, results: tuple[np.ndarray, ...], kept: dict[str, np.ndarray]) -> None:
         for one, result in zip(targets, results, strict=True):
-            one[tile.inner] = result
+            one[_at(name, tile.inner)] = result
         book.note(tile.number, kept)
 
     if seams and options.get("use_quantiles"):
         low, high = thresholds(tiles, read, options)
         options |= {"low_threshold": low, "high_threshold": high, "use_quantiles": False}
     targets: list[Any] = []
+    found: Any = None
     waiting = [t for t in tiles if book.kept(t.number) is None]
-    with ThreadPoolExecutor(2) as pool:
-        ahead = pool.submit(read, waiting[0]) if waiting else None
+    with ThreadPoolExecutor(1) as pool:
         written: Future[None] | None = None
-        for n, part in enumerate(waiting):
-            assert ahead is not None
-            window, beside = ahead.result()
-            if n + 1 < len(waiting):
-                ahead = pool.submit(read, waiting[n + 1])
-            found = call(window, **options, **beside)
-            results = [r[part.inside] for r in (found if isinstance(found, tuple) else (found,))]
+        work = partial(call, **options)
+        for n, (part, found) in enumerate(_computed(_ahead(waiting, read), work, places)):
+            parts = found if isinstance(found, tuple) else (found,)
+            results = [r[_at(name, part.inside)] for r in parts]
             kept = {}
             if seams:
                 results[0], kept = seams.split(results[0])
             if not targets:
-                targets += _targets(target, results, shape)
+                targets += _targets(name, target, results, shape)
             if written:
                 written.result()
             written = pool.submit(write, part, tuple(results), kept)
@@ -173,20 +195,108 @@ def apply(
         for inner, more in seams.decided():
             targets[0][inner] = np.asarray(targets[0][inner]) | more
     book.remove()
+    if name == "stereo_match" and target is None:
+        return type(found)(*targets)
     return targets[0] if len(targets) == 1 else tuple(targets)
+
+
+def _lazy(
+    name: str,
+    source: Any,
+    target: Any,
+    tiles: list[Tile],
+    options: dict[str, Any],
+    maps: dict[str, Any],
+) -> Any:
+    """Return arrays of Dask for a source of Dask, or write them into the targets."""
+    if name in WHOLE or name in LEADING:
+        raise ValueError(f"source must not be an array of Dask for {name}")
+    if options.get("use_quantiles"):
+        raise ValueError("use_quantiles must be False for an array of Dask: give thresholds")
+    _, shapes, dtypes = results_of(name, source, **options)
+    call = None if name == "canny" else getattr(cvkern, name)
+    found = lazy_tiles(call, source, tiles, options, maps.get("mask"), (shapes, dtypes))
+    return found if target is None else _store(found, target)
+
+
+def _ahead(tiles: list[Tile], read: Callable[[Tile], Any]) -> Iterator[tuple[Tile, Any]]:
+    """Yield each tile with what was read of it, while the next one is being read."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(read, tiles[0]) if tiles else None
+        for n, tile in enumerate(tiles):
+            assert coming is not None
+            found = coming.result()
+            if n + 1 < len(tiles):
+                coming = pool.submit(read, tiles[n + 1])
+            yield tile, found
+
+
+def _computed(
+    coming: Iterator[tuple[Tile, Any]], call: Callable[..., Any], places: list[str]
+) -> Iterator[tuple[Tile, Any]]:
+    """Yield each tile with its results, in order; the devices take tiles in turn."""
+    backend, _ = choice()  # other threads do not inherit it
+
+    def on(place: str, windows: tuple[np.ndarray, ...], beside: dict[str, np.ndarray]) -> Any:
+        with use(backend, place):
+            return call(*windows, **beside)
+
+    if len(places) == 1:
+        for tile, (windows, beside) in coming:
+            yield tile, on(places[0], windows, beside)
+        return
+    with contextlib.ExitStack() as stack:
+        # A thread for each device, which keeps its scratch memory.
+        threads = [stack.enter_context(ThreadPoolExecutor(1)) for _ in places]
+        running: deque[tuple[Tile, Future[Any]]] = deque()
+        for n, (tile, (windows, beside)) in enumerate(coming):
+            at = n % len(places)
+            running.append((tile, threads[at].submit(on, places[at], windows, beside)))
+            if len(running) > len(places):
+                first, future = running.popleft()
+                yield first, future.result()
+        for first, future in running:
+            yield first, future.result()
+
+
+def _told(
+    tiles: list[Tile], read: Callable[[Tile], Any], progress: Callable[[int, int], object] | None
+) -> Iterator[tuple[Tile, np.ndarray, dict[str, np.ndarray]]]:
+    """Yield the tiles of one image with what was read, and tell how many are finished."""
+    for n, (tile, ((window,), beside)) in enumerate(_ahead(tiles, read)):
+        yield tile, window, beside
+        if progress:
+            progress(n + 1, len(tiles))
+
+
+def _at(function: str, place: Place) -> Any:
+    """Return the index of rows and columns in a result of the function."""
+    return (..., *place) if function in LEADING else place
+
+
+def _whole(function: str, part: np.ndarray, shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the shape of a result for an image, given a part of it."""
+    if function in LEADING:
+        return (*part.shape[:-2], *shape[:2])
+    return (*shape[:2], *part.shape[2:])
 
 
 def results_of(
     function: str, source: Any, **options: Any
 ) -> tuple[list[str], list[tuple[int, ...]], list[np.dtype]]:
     """Return the names, shapes and dtypes of the results; a single one has the name ""."""
-    shape = _shape(source)
+    if function in WHOLE:
+        raise ValueError(f"function must have a result for each tile, got {function!r}")
+    shape = _shape((source,), 1)
+    side = halo(function, **options) + 1 if function in LEADING else 1
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # one black pixel has no edges
-        found = getattr(cvkern, function)(np.zeros((1, 1, *shape[2:]), source.dtype), **options)
+        warnings.simplefilter("ignore")  # a black image has no edges
+        found = getattr(cvkern, function)(
+            np.zeros((side, side, *shape[2:]), source.dtype), **options
+        )
     parts = found if isinstance(found, tuple) else (found,)
     names = list(getattr(found, "_fields", [str(n) for n in range(len(parts))]))
-    shapes = [(*shape[:2], *part.shape[2:]) for part in parts]
+    shapes = [_whole(function, part, shape) for part in parts]
     return names if len(parts) > 1 else [""], shapes, [part.dtype for part in parts]
 
 
@@ -231,17 +341,27 @@ def _cut(source: Any, window: Place, name: str) -> np.ndarray:
     return np.ascontiguousarray(part)
 
 
-def _shape(source: Any) -> tuple[int, ...]:
-    shape = getattr(source, "shape", None)
-    if shape is None or len(shape) not in (2, 3) or 0 in shape:
-        got = type(source).__name__ if shape is None else tuple(shape)
-        raise ValueError(f"source must be an array of shape (H, W) or (H, W, C), got {got}")
-    return tuple(int(n) for n in shape)
+def _shape(sources: tuple[Any, ...], number: int) -> tuple[int, ...]:
+    """Return the shape of the sources, which are so many images of one shape."""
+    if len(sources) != number:
+        raise ValueError(f"source must be a tuple of {number} images, got {len(sources)}")
+    shapes = []
+    for source in sources:
+        shape = getattr(source, "shape", None)
+        if shape is None or len(shape) not in (2, 3) or 0 in shape:
+            got = type(source).__name__ if shape is None else tuple(shape)
+            raise ValueError(f"source must be an array of shape (H, W) or (H, W, C), got {got}")
+        shapes.append(tuple(int(n) for n in shape))
+    if len(set(shapes)) > 1:
+        raise ValueError(f"source must be images of one shape, got {shapes}")
+    return shapes[0]
 
 
-def _targets(target: Any, results: list[np.ndarray], shape: tuple[int, ...]) -> list[Any]:
+def _targets(
+    function: str, target: Any, results: list[np.ndarray], shape: tuple[int, ...]
+) -> list[Any]:
     """Return an array for each result: those given, or new ones."""
-    shapes = [(*shape[:2], *r.shape[2:]) for r in results]
+    shapes = [_whole(function, r, shape) for r in results]
     if target is None:
         return [np.empty(s, r.dtype) for s, r in zip(shapes, results, strict=True)]
     return _checked(target, shapes, [r.dtype for r in results])

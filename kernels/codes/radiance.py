@@ -12,26 +12,53 @@ MOST_LOG_DENSITY = 11.0
 MOST_LOG_DENSITY_GRADIENT = 30000.0
 
 # The two perceptrons of a hash field. The first computes a density and 15 more numbers, the second
-# a colour from these 16 and 16 harmonics of the view. Its other 13 outputs are not used.
+# a colour from these 16 and 16 harmonics of the view. Its other 13 outputs are not used. In light
+# that changes, the 16 numbers of a photograph's light follow the harmonics.
 NETWORK_RECTIFIED = True, False, True, True, False
-NETWORK_VALUES = 64, 16 + 16, 64, 64, 16  # values of layers; the second includes the harmonics
 NETWORK_PARTS = 264  # partial sums over samples: two for each multiprocessor of large GPUs
+LIGHT = 16  # numbers of a photograph's light
+LIGHT_COLUMN = 16 + 16  # the first of them, among the inputs of the second perceptron
+LIGHT_PARTS = 64  # partial sums over the rays of a batch, for each photograph
 
 
-def network_layers(inputs: int) -> tuple[tuple[int, int], ...]:
+def network_values(lit: bool) -> tuple[int, ...]:
+    """Return the numbers of values of the layers; the second includes harmonics and light."""
+    return 64, LIGHT_COLUMN + LIGHT * lit, 64, 64, 16
+
+
+def network_layers(inputs: int, lit: bool = False) -> tuple[tuple[int, int], ...]:
     """Return the inputs and outputs of the layers, in the order of their weights."""
-    return (inputs, 64), (64, 16), (32, 64), (64, 64), (64, 16)
+    return (inputs, 64), (64, 16), (LIGHT_COLUMN + LIGHT * lit, 64), (64, 64), (64, 16)
 
 
-def network_room(inputs: int, samples: int, half: bool) -> tuple[int, int]:
+def network_room(inputs: int, samples: int, half: bool, lit: bool = False) -> tuple[int, int]:
     """Return the shape of the working memory, in float32, for products in half precision or not.
 
     In half precision, values stay in registers, and the memory holds partial gradients of the
     weights. Otherwise it holds the values of the layers and their gradients.
     """
     if half:
-        return NETWORK_PARTS, sum(k * n for k, n in network_layers(inputs))
-    return 2 * sum(NETWORK_VALUES), samples
+        return NETWORK_PARTS, sum(k * n for k, n in network_layers(inputs, lit))
+    return 2 * sum(network_values(lit)), samples
+
+
+class NetworkInputs(NamedTuple):
+    """The inputs of the two perceptrons of a hash field; kernel arrays."""
+
+    features: Any
+    """(M, K) float32 or float16, K = 16, 32, 48 or 64; K up to 48 with lights."""
+    directions: Any
+    """Viewing directions, (R, 3) float32."""
+    rays: Any
+    """The ray of each sample, (M,) int32."""
+    total: Any
+    """Number of the samples, (1,) int32."""
+    weights: Any
+    """Weights of all layers, (W,), with the dtype of the features."""
+    table: Any = None
+    """The lights of photographs, (N, 16) float32, or None."""
+    views: Any = None
+    """The photograph of each ray, (R,) int32, or None."""
 
 
 # Numbers in an array of planes before the inverse depths of the planes: a pose from world to camera
@@ -263,6 +290,15 @@ class WildGradients(NamedTuple):
     """By the background, (R, 3) float32."""
     head: Any
     """By the numbers of a `Head`, (R, 5) float32."""
+
+
+class Lights(NamedTuple):
+    """The lights of rays, numbers that a perceptron of colours is given; kernel arrays."""
+
+    table: Any
+    """The lights of photographs, (N, 16) float32."""
+    views: Any
+    """The photograph of each ray, (R,) int32."""
 
 
 class Views(NamedTuple):

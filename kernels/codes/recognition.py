@@ -17,6 +17,7 @@ FINE_BITS = 4
 FINE = 1 << FINE_BITS
 OCTAVE = 64
 ONE = 2**16
+UNIT = 2**14  # evidence of 1, a factor of e in the odds
 SHARE_BITS = 8  # votes for pixels are divided by 2^8, because shares of figures are bytes
 FACTOR_BITS = 16  # factors of scale are in parts of 2^16
 KERNEL_BITS = 10
@@ -24,6 +25,8 @@ KERNEL_ONE = 1 << KERNEL_BITS  # value of the kernel of mean shift at its middle
 AROUND = 3  # votes are listed in cells that are at most so many from one of a maximum
 DEEPEST = 255  # largest radius of that kernel in steps of scale
 NOBODY = -1  # match of a patch that activates no further word
+CLIMBED = 9  # places that a mode climbs among: its own, and those round it
+MOST_HYPOTHESES = 255  # hypotheses above the threshold that are compared with each other
 
 
 class Occurrences(NamedTuple):

@@ -8,7 +8,7 @@ torch; Taichi gets their addresses. Modules of this folder must not use
 import contextlib
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,11 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
     return array
 
 
+def stream(device: str) -> int:
+    """Return the address of the CUDA stream that launches go to: the default stream."""
+    return 0
+
+
 def free_memory(device: str) -> int:
     """Return the number of free bytes on a GPU."""
     from . import _cuda
@@ -138,6 +143,11 @@ def release_memory() -> None:
 def own_scratch(scratch: dict[Any, Any]) -> contextlib.AbstractContextManager[None]:
     """Keep scratch apart for the block; always so here, as each call allocates new scratch."""
     return contextlib.nullcontext()
+
+
+def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[Any]) -> None:
+    """Launch what `call` launches: Taichi has no graphs."""
+    call()
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:

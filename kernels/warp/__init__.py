@@ -6,7 +6,7 @@ import math
 import os
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 import numpy as np
@@ -169,6 +169,11 @@ def to_numpy(array: wp.array) -> np.ndarray:
     return found
 
 
+def stream(device: str) -> int:
+    """Return the address of the CUDA stream that this thread's launches go to."""
+    return _streams.current_stream(wp.get_device(device)).cuda_stream
+
+
 def free_memory(device: str) -> int:
     """Return the number of free bytes on a GPU."""
     return wp.get_device(device).free_memory
@@ -179,6 +184,14 @@ def release_memory() -> None:
     _scratch.release()
     _replays.release()
     _pages.release()
+
+
+def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
+    """Launch what `call` launches; on CUDA from the second time on as one graph."""
+    if arrays[0].device.is_cuda:
+        _replays.repeat(key, call, arrays)
+    else:
+        call()
 
 
 own_scratch = _scratch.own_scratch

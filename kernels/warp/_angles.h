@@ -1,12 +1,9 @@
 #pragma once
 // Arithmetic that the CPU and CUDA do alike: sums, products, quotients and roots, each rounded.
 struct Alike {
-    // Angle of (x, y) in (-pi, pi], within 2e-7: the polynomial of _angles.py.
-    static inline float angle(float y, float x) {
+    // Arc tangent of 0 <= a <= 1: the polynomial of _angles.py.
+    static inline float turn(float a) {
 #pragma clang fp contract(off)
-        const float ax = x < 0.0f ? -x : x, ay = y < 0.0f ? -y : y;
-        const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
-        const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
         const float s = a * a;
         float p = -0.004054466052665892f;
         p = p * s + 0.021862608447395723f;
@@ -16,7 +13,16 @@ struct Alike {
         p = p * s + 0.19946563377106752f;
         p = p * s + -0.3332986060035421f;
         p = p * s + 0.9999993355361315f;
-        float r = p * a;
+        return p * a;
+    }
+
+    // Angle of (x, y) in (-pi, pi], within 2e-7.
+    static inline float angle(float y, float x) {
+#pragma clang fp contract(off)
+        const float ax = x < 0.0f ? -x : x, ay = y < 0.0f ? -y : y;
+        const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
+        const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
+        float r = turn(a);
         r = ay > ax ? 1.5707963267948966f - r : r;
         r = x < 0.0f ? 3.141592653589793f - r : r;
         return y < 0.0f ? -r : r;

@@ -19,8 +19,9 @@ names its constants in ``// needs`` lines of its own, and the functions of the i
 them as well.
 
 `kernel` declares a kernel in the same way. On the CPU it runs over slabs (`_launch.launch_slabs`);
-its first parameters are the slab, the first row and the row after the last. On CUDA it finds its
-thread by ``threadIdx`` and ``blockIdx``.
+its first parameters are the slab, the first row and the row after the last. `each` declares such a
+kernel from a function of one row. On CUDA a kernel finds its thread by ``threadIdx`` and
+``blockIdx``.
 """
 
 from __future__ import annotations
@@ -68,16 +69,38 @@ def kernel(
     """
 
     def make(stub: Any) -> wp.Kernel:
-        body = func_native(file, **constants)(stub)
         types = inspect.get_annotations(stub)
         names = ", ".join(types)
         source = f"def {stub.__name__}({names}):\n    body({names})\n"
+        body = func_native(file, **constants)(stub)
         function = forward(stub.__name__, source, stub, body, types)
         if options is None:
             return wp.kernel(function, launch_bounds=launch_bounds)
         return wp.kernel(
             function, module="unique", module_options=options, launch_bounds=launch_bounds
         )
+
+    return make
+
+
+def each(file: str, **constants: Any) -> Callable[[Any], wp.Kernel]:
+    """Return a decorator that makes a kernel over slabs from the C++ function of one item.
+
+    The first parameter of the function is the item, a row for example. The kernel has the slab, its
+    first item and the item after its last in that place.
+    """
+
+    def make(stub: Any) -> wp.Kernel:
+        item, *names = inspect.get_annotations(stub)
+        types = {"slab": int, "first": int, "last": int, **inspect.get_annotations(stub)}
+        del types[item]
+        source = (
+            f"def {stub.__name__}({', '.join(types)}):\n"
+            f"    for {item} in range(first, last):\n"
+            f"        body({', '.join([item, *names])})\n"
+        )
+        body = func_native(file, **constants)(stub)
+        return wp.kernel(forward(stub.__name__, source, stub, body, types))
 
     return make
 

@@ -24,7 +24,7 @@ class _Thread(threading.local):
 _thread = _Thread()
 
 
-def repeat(name: str, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
+def repeat(name: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
     """Launch what `call` launches, from the second time on as one graph.
 
     All that `call` does must follow from its name and from the addresses and shapes of the arrays.

@@ -40,12 +40,6 @@ def test_warmup(command, monkeypatch):
     assert called == ["one", "two"]
 
 
-def test_warmup_calls_work_with_taichi():
-    with cvkern.use(backend="taichi"):
-        for _, call in warmup.calls():
-            call()
-
-
 def test_warmup_leaves_nothing_to_compile():
     """Warp's modules, for the calls of the tests, of a photograph's dtypes."""
     with cvkern.use(backend="warp"):

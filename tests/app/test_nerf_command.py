@@ -274,6 +274,14 @@ def test_the_synthetic_scene(command, tmp_path, monkeypatch):
             "fps must be in [0.0016, 50] for",
         ),
         (
+            ["render", "MODEL", "-o", "p.png", "--light-to", "1"],
+            "light-to must go with a film",
+        ),
+        (
+            ["render", "MODEL", "-o", "p.gif", "--orbit", "--light-to", "99"],
+            "light-to must be in",
+        ),
+        (
             ["render", "MODEL", "-o", "p.gif", "--path", "p.json", "--orbit"],
             "path must not go with an orbit",
         ),

@@ -1,5 +1,7 @@
 """``cvkern view``: pages that a browser shows, and that follow their controls."""
 
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -109,6 +111,31 @@ def test_the_command(command, photo, tmp_path, monkeypatch, kind):
     code, said, _ = command("view", file, "--port", 8650)
     assert code == 0
     assert said == "http://127.0.0.1:8650: open it in a browser; Ctrl-C ends\n"
+
+
+def test_recordings(command, photo, tmp_path):
+    """Their tables hold what was seen; the reader is rerun's own."""
+    pytest.importorskip("rerun")
+    write_ply(tmp_path / "cloud.ply", np.eye(3))
+    np.save(tmp_path / "map.npy", np.eye(5))
+    small = VoxelField(resolutions=(16,), shares=())
+    fit(make_scene(train=3, test=1, size=16), small, steps=2, progress=False,
+        checkpoint=tmp_path / "field.npz")  # fmt: skip
+    seen = {
+        photo: ("/photograph", "/photograph/edges"),
+        tmp_path / "map.npy": ("/map",),
+        tmp_path / "cloud.ply": ("/cloud/points",),
+        tmp_path / "field.npz": ("/field/camera", "/field/camera/picture"),
+    }
+    for file, entities in seen.items():
+        target = tmp_path / f"{file.stem}.rrd"
+        assert command("view", file, "--record", target)[0] == 0
+        read = [sys.executable, "-m", "rerun", "rrd", "print", target]
+        found = subprocess.run(read, capture_output=True, text=True, check=True).stdout
+        assert all(entity in found for entity in entities)
+    code, _, said = command("view", photo, "--record", tmp_path / "cloud.rrd")
+    assert (code, "--overwrite" in said) == (2, True)
+    assert command("view", photo, "--record", tmp_path / "a.txt")[0] == 2
 
 
 def test_files_that_are_none(command, tmp_path):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.app import warmup
 from tests.calls import CALLS, blobs, fields
 
 MODULES = ["cvkern", "cvkern.clouds", "cvkern.images", "cvkern.radiance"]
@@ -57,6 +58,13 @@ def test_examples_run(backend, name, tmp_path, monkeypatch):
         said: list[str] = []
         runner.run(test, out=said.append)
         assert runner.failures == 0, "".join(said)
+
+
+def test_warmup_calls_work_with_taichi():
+    """Here, because the examples have compiled most of these kernels, in this process."""
+    with cvkern.use(backend="taichi"):
+        for _, call in warmup.calls():
+            call()
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

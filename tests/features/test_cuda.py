@@ -59,3 +59,12 @@ def test_replays_of_several_sizes_give_the_bits_of_the_cpu(gpu):
             assert_equal_bits(on_gpu(cvkern.sift, image, "warp"), want)
         if turn == 1:
             cvkern.release_memory()
+
+
+def test_a_full_queue_of_extrema_loses_none(gpu, monkeypatch):
+    from cvkern.kernels.warp.features.keypoints import extrema
+
+    want = reference(cvkern.sift, CAMERA)
+    monkeypatch.setattr(extrema, "LEAST", 3)
+    monkeypatch.setattr(extrema, "SHARE", 1 << 30)
+    assert_equal_bits(on_gpu(cvkern.sift, CAMERA, "warp"), want)

@@ -63,8 +63,9 @@ def test_opencv_reads_what_is_written(tmp_path):
     assert file.getNode("image_width").real() == SHAPE[1]
 
 
-def test_what_opencv_writes_is_read(tmp_path):
-    path, mine = tmp_path / "camera.yml", one()
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+def test_what_opencv_writes_is_read(tmp_path, ending):
+    path, mine = tmp_path / f"camera.{ending}", one()
     file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
     file.write("calibration_time", "Sun Nov 22 2026: noon")
     file.write("camera_matrix", mine.matrix)
@@ -80,6 +81,30 @@ def test_what_opencv_writes_is_read(tmp_path):
     same_camera(found.camera, mine.camera)
     assert np.isnan(found.rms)
     assert np.isnan(found.deviations).all()
+
+
+@pytest.mark.parametrize("ending", ["yml", "xml", "json"])
+@pytest.mark.parametrize(
+    "names",
+    ["M1 D1 M2 D2 R T", "cam1_intrinsics cam1_distorsion cam2_intrinsics cam2_distorsion R T",
+     "cam_int cam_dist proj_int proj_dist roration translation"],  # codespell:ignore roration
+)  # fmt: skip
+def test_pairs_that_opencv_writes_under_several_names(tmp_path, ending, names):
+    path, mine = tmp_path / f"pair.{ending}", two()
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    file.write("img_shape", np.array(SHAPE, np.float64))
+    left, right = mine.left, mine.right
+    numbers = (left.matrix, left.distortion[None], right.matrix, right.distortion[:, None],
+               mine.rotation, mine.translation[:, None])  # fmt: skip
+    for name, values in zip(names.split(), numbers, strict=True):
+        file.write(name, values)
+    file.release()
+    found: Any = cvkern.read_calibration(path, right_shape=(600, 800))
+    same_camera(found.left, mine.left)
+    same_camera(found.right, cvkern.Camera(mine.right.matrix, mine.right.distortion, (600, 800)))
+    np.testing.assert_array_equal(found.rotation, mine.rotation)
+    np.testing.assert_array_equal(found.translation, mine.translation)
+    assert cvkern.read_calibration(path).right.shape == SHAPE
 
 
 GOOD = {
@@ -124,10 +149,15 @@ def test_numbers_that_make_no_camera(tmp_path, change, said):
         ("%YAML:1.0\nM1: !!opencv-matrix\n   rows: 3\n", "M1 is no whole matrix"),
         ("%YAML:1.0\nM1: !!opencv-matrix\n   rows: 1\n   cols: 3\n   dt: d\n   data: [ 1., 2. ]\n",
          "M1 must have 1 x 3 numbers, got 2"),
+        ("<opencv_storage><M1>", "no element found"),
+        ("<!DOCTYPE a []><opencv_storage/>", "it has a document type"),
+        ("<calibration/>", "its root must be opencv_storage, got calibration"),
+        ("<opencv_storage><M1 type_id='opencv-matrix'><rows>3</rows></M1></opencv_storage>",
+         "M1 is no whole matrix"),
     ],
 )  # fmt: skip
 def test_broken_files(tmp_path, text, said):
-    path = tmp_path / "broken.yml"
+    path = tmp_path / f"broken.{'xml' if text.startswith('<') else 'yml'}"
     path.write_text(text)
     with pytest.raises(ValueError, match="no calibration: ") as info:
         cvkern.read_calibration(path)
@@ -143,8 +173,12 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(FileNotFoundError):
         cvkern.read_calibration(tmp_path / "c.json")
     refused(
-        ValueError, "path must end in .json, .yml or .yaml, got 'a.txt'",
+        ValueError, "path must end in .json, .yml, .yaml or .xml, got 'a.txt'",
         cvkern.read_calibration, "a.txt",
+    )  # fmt: skip
+    refused(
+        ValueError, "path must end in .json, .yml or .yaml, got 'a.xml'",
+        cvkern.write_calibration, "a.xml", one(),
     )  # fmt: skip
     refused(
         TypeError, "calibration must be a Calibration or a StereoCalibration, got int",

@@ -208,7 +208,8 @@ def slope(function, at, step=1e-5):
 
 def network_parts(weights, inputs):
     """Cut the weights of the two perceptrons of a hash field into layers."""
-    shapes = [(inputs, 64), (64, 16), (32, 64), (64, 64), (64, 16)]
+    rest = len(weights) - 64 * (inputs + 16 + 64 + 16)
+    shapes = [(inputs, 64), (64, 16), (rest // 64, 64), (64, 64), (64, 16)]
     ends = np.cumsum([k * n for k, n in shapes])
     return [w.reshape(s) for w, s in zip(np.split(weights, ends[:-1]), shapes, strict=True)]
 
@@ -229,16 +230,18 @@ def network(features, views, weights, kept=lambda x: x):
 
 
 def network_backward(d_sigma, d_rgb, features, views, weights, kept=lambda x: x):
-    """Return the gradients of features and weights, by the chain rule from end to beginning."""
+    """Return the gradients of features, weights and lights, by the chain rule from the end."""
     sigma, rgb, (first, hidden, second, third) = network(features, views, weights, kept)
     a, b, c, d, e = network_parts(weights, features.shape[1])
     d_raw = kept(np.pad(d_rgb * rgb * (1 - rgb), ((0, 0), (0, 13))))
     d_third = kept(d_raw @ e.T * (third > 0))
     d_second = kept(d_third @ d.T * (second > 0))
-    d_numbers = (d_second @ c.T)[:, :16]
+    d_hidden = d_second @ c.T
+    d_numbers = d_hidden[:, :16]
     d_numbers[:, 0] += np.clip(d_sigma * sigma, -30000, 30000)
     d_numbers = kept(d_numbers)
     d_first = kept(d_numbers @ b.T * (first > 0))
     pairs = ((features, d_first), (first, d_numbers), (hidden, d_second), (second, d_third),
              (third, d_raw))  # fmt: skip
-    return d_first @ a.T, np.concatenate([(x.T @ dy).ravel() for x, dy in pairs])
+    d_weights = np.concatenate([(x.T @ dy).ravel() for x, dy in pairs])
+    return d_first @ a.T, d_weights, d_hidden[:, 32:]

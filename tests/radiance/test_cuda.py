@@ -22,9 +22,9 @@ from tests.on_cuda import LIBRARIES, give, take
 from tests.radiance import test_distractors, test_transient
 from tests.radiance.fields import test_planes
 from tests.radiance.fields.test_hash import Trial
-from tests.radiance.runs import GRID, same
+from tests.radiance.runs import GRID, TINY, same
 from tests.radiance.test_primitives_compositing import bundle, draw
-from tests.radiance.training import test_appearance
+from tests.radiance.training import test_appearance, test_embedding
 
 pytestmark = pytest.mark.usefixtures("gpu")
 
@@ -128,6 +128,22 @@ def test_colours_in_the_light_of_photographs(backend):
             check.test_gradients_are_central_differences,
         ):
             test()
+
+
+def test_photographs_lights_as_inputs(backend, monkeypatch):
+    with cvkern.use(backend=backend, device="cuda"):
+        test_embedding.test_gradients_are_summed_by_photographs()
+        for field in (test_embedding.FLAT, test_embedding.DEEP):
+            test_embedding.test_gradients_are_central_differences(field, None, monkeypatch)
+    if backend == "warp":
+        scene = changed(make_scene(train=16, test=2, size=24), "color")
+        options = {"steps": 300, "progress": False, "deterministic": True}
+        with cvkern.use(backend=backend, device="cuda"):
+            one, two = (fit(scene, TINY, appearance="embedding", **options) for _ in "ab")
+            plain = fit(scene, TINY, steps=300, progress=False)
+            assert evaluate(one, scene).psnr.mean() > evaluate(plain, scene).psnr.mean() + 1
+        assert same(one, two)
+        np.testing.assert_array_equal(one.appearances, two.appearances)
 
 
 def test_heads_and_weights_of_photographs(backend):

@@ -60,11 +60,13 @@ def test_outer_products_compile_for_hopper(depth, columns, tmp_path):
     assert "movmatrix.sync.aligned.m8n8.trans.b16" in code
 
 
-@pytest.mark.parametrize("inputs", [16, 32, 48, 64])
-def test_networks_compile_for_hopper(inputs, tmp_path):
+@pytest.mark.parametrize(
+    ("inputs", "lit"), [(16, False), (32, False), (32, True), (48, True), (64, False)]
+)
+def test_networks_compile_for_hopper(inputs, lit, tmp_path):
     """The largest to machine code: there are registers and shared memory enough."""
     blocks = load("radiance.fields.perceptron._network_cuda")
-    layers = [inputs // 2, 8, 16, 32, 8]  # products of 16 samples x 16 with 16 x 8
+    layers = [inputs // 2, 8, 24 if lit else 16, 32, 8]  # products of 16 samples x 16 with 16 x 8
     counts = {
         "density": sum(layers[:2]),
         "forward": sum(layers),
@@ -72,10 +74,11 @@ def test_networks_compile_for_hopper(inputs, tmp_path):
         "backward": 3 * sum(layers) - 8 - 8,
     }
     for name, count in counts.items():
-        module = getattr(blocks, name)(inputs).module
+        given = (inputs,) if name == "density" else (inputs, lit)
+        module = getattr(blocks, name)(*given).module
         code = compile_for_hopper(module, tmp_path / name)
         assert code.count("mma.sync.aligned.m16n8k16") == count
-        if inputs == 64:
+        if inputs == 64 or (inputs, lit) == (48, True):
             (cubin,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=False)
             assert Path(cubin).stat().st_size > 0
 
@@ -85,6 +88,7 @@ def made(scalar):
     for family, names in {
         "radiance.training._adam_cuda": ["adam"],
         "radiance.encodings": ["_spherical", "_positional", "_gather"],
+        "radiance.embeddings": ["gatherer", "copier"],
         "radiance.fields.perceptron.heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -145,7 +149,7 @@ def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
 
 
 def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
-    for name in ("transient", "distractors"):
+    for name in ("transient", "distractors", "embeddings", "appearance"):
         compile_for_hopper(load(f"radiance.{name}"), tmp_path / name)
     for sums, add in ((wp.float32, "add.f32"), (wp.int64, "add.u64")):
         kernel = load("radiance.transient").scatterer(sums, False)

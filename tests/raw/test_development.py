@@ -131,6 +131,13 @@ def test_commands(monkeypatch, capsys, tmp_path):
                   "--radiance", tmp_path / "r.npy")  # fmt: skip
     assert code == 0
     assert np.load(tmp_path / "r.npy").shape == (40, 50, 3)
+    code, said = run(monkeypatch, capsys, *words, "--seconds", "1", "--radiance",
+                     tmp_path / "r.npy")  # fmt: skip
+    assert code == 2
+    assert "radiance must be a new file" in said.err.replace("\n", " ")
+    code, said = run(monkeypatch, capsys, "hdr", folder, "-o", folder / "1.png", "--tone", "fuse")
+    assert code == 2
+    assert "output must not be a file that is read" in said.err.replace("\n", " ")
     times = {f"{k}.png": t for k, t in enumerate((0.25, 0.5, 1))}
     (folder / "exposure_seconds.json").write_text(json.dumps(times))
     assert run(monkeypatch, capsys, *words)[0] == 0

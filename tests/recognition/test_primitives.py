@@ -21,8 +21,9 @@ def test_patches(kernels, side):
     patches = [pixels[r : r + side, c : c + side].astype(I64) for r, c in corners]
     squares = [side**2 * (x**2).sum() - x.sum() ** 2 for x in patches]
     least = int(np.sqrt(min(s for s in squares if s > 0)))  # the contrast that one patch just has
+    firsts = np.column_stack([corners @ (51, 1), np.full(len(corners), 51)]).astype(I32)
     found = kernels(
-        "recognition.patches.sample_patches", image, corners, side, least,
+        "recognition.patches.sample_patches", image.ravel(), firsts, side, least,
         out=[((len(corners), size), I8)],
     )  # fmt: skip
     want = reference.normalised(image, corners, side, least)
@@ -242,19 +243,105 @@ def test_figures(kernels):
     patches, occurrences, space = scene(4)
     figures = np.random.default_rng(5).integers(0, 256, (len(occurrences.entries), 25)).astype(U8)
     window, frame = Window(120, 40, 6), Frame(np.zeros((0, 6), I32), 100, 250)
-    modes = np.array([(500, 600, 0, 1), (300, 200, 32, 1), (700, 900, 11, 1)], I32)
-    shape = (3, 40, 50)
+    modes = np.array([(3, 0, 0, 0), (500, 600, 0, 1), (300, 200, 32, 1), (700, 900, 11, 1)], I32)
+    shape = (4, 40, 50)  # with room for one more than there are
     balance = kernels(
         "recognition.figures.paint_figures", patches, occurrences, space, window, frame, figures,
         modes, out=[(shape, I32)],
     )  # fmt: skip
     listed = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
+    assert not balance[3].any()
     masks = kernels(
         "recognition.figures.spread_figures", balance, modes, space, out=[((3, 60, 80), U8)]
     )
-    for mode, box, mask in zip(modes.tolist(), balance, masks, strict=True):
+    for mode, box, mask in zip(modes[1:].tolist(), balance, masks, strict=False):
         want = reference.balance(listed, patches.places, figures, mode, window, frame, shape[1:])
         assert (want != 0).sum() > 100
         np.testing.assert_array_equal(box, want)
         np.testing.assert_array_equal(mask, reference.mask(box, mode, (60, 80)))
     assert 0.01 < masks.mean() < 0.5
+
+
+def test_highest_maxima(kernels):
+    rng = np.random.default_rng(7)
+    for count, most, top in ((500, 40, 30), (30, 40, 30), (2000, 512, 2**31 - 1), (9, 4, 0)):
+        values = rng.integers(-1, top, count, endpoint=True)
+        maxima = np.column_stack([rng.integers(0, 99, (count, 3)), values]).astype(I32)
+        found = kernels("recognition.votes.select_maxima", maxima, out=[((most, 4), I32)])
+        order = np.argsort(-values, kind="stable")[:most]
+        order = np.sort(order[values[order] > 0])
+        np.testing.assert_array_equal(found[: len(order)], maxima[order])
+        assert (found[len(order) :] == -1).all()
+
+
+def test_single_modes(kernels):
+    rng = np.random.default_rng(8)
+    modes = np.column_stack(
+        [rng.integers(0, 6, (300, 2)), rng.integers(-4, 5, 300), rng.integers(0, 4, 300)]
+    ).astype(I32)
+    spans = np.sort(rng.integers(-1, 7, (7, 2, 2)), axis=1).reshape(7, 4).astype(I32)
+    for some in (spans, spans[:0]):
+        want, seen = modes.copy(), set()
+        for row in want:
+            y, x, z, density = row.tolist()
+            top, left, bottom, right = some[min(max(z + 3, 0), 6)] if len(some) else (0, 0, 9, 9)
+            if not (
+                top <= y <= bottom and left <= x <= right and density and (y, x, z) not in seen
+            ):
+                row[3] = 0
+            if density:
+                seen.add((y, x, z))
+        found = kernels("recognition.votes.single_modes", modes, some, -3, out=[((300, 4), I32)])
+        np.testing.assert_array_equal(found, want)
+        assert 10 < np.count_nonzero(want[:, 3]) < np.count_nonzero(modes[:, 3]) - 10
+
+
+def test_hypotheses_are_ranked_and_chosen(kernels):
+    rng = np.random.default_rng(9)
+    places = np.array([(y, x, z) for y in range(4) for x in range(4) for z in range(3)])
+    places = rng.permutation(places)
+    modes = np.column_stack([places, rng.integers(0, 3, 48)]).astype(I32)
+    evidence = rng.integers(-5, 20, 48).astype(I32)
+    order = [i for i in range(48) if modes[i, 3] and evidence[i] >= 2]
+    order.sort(key=lambda i: (-int(evidence[i]), *places[i].tolist()))
+    for most in (10, 40):
+        ranked, savings = kernels(
+            "recognition.hypotheses.rank_modes", modes, evidence, 2,
+            out=[((most, 4), I32), ((most,), I32)],
+        )  # fmt: skip
+        best = order[:most]
+        np.testing.assert_array_equal(ranked[: len(best)], modes[best])
+        np.testing.assert_array_equal(savings[: len(best)], evidence[best])
+        assert not ranked[len(best) :].any()
+    shared = rng.integers(-4, 6, (40, 40)).astype(I32)
+    starts = np.array([0, 3, 77], I32)
+    found = kernels(
+        "recognition.hypotheses.explain_modes", ranked, savings, shared, starts, 2,
+        out=[((41, 4), I32)],
+    )  # fmt: skip
+    left = savings[: len(order)].tolist()
+    want = []
+    while max(left) >= 2:
+        best = left.index(max(left))
+        want.append((*ranked[best, :3].tolist(), left[best]))
+        left = [a - max(int(b), 0) for a, b in zip(left, shared[:, best], strict=False)]
+        left[best] = -1
+    assert found[0].tolist() == [len(want), 77, 0, 0]
+    assert found[1 : len(want) + 1].tolist() == [list(row) for row in want]
+    assert len(want) > 3
+    assert not found[len(want) + 1 :].any()
+
+
+def test_objects_in_pixels(kernels):
+    modes = np.array([(2, 0, 0, 0), (33, 999, -2, 70_001), (-5, 16, 90, -3)], I32)
+    sizes = np.random.default_rng(1).random((5, 3)) * 50
+    found = kernels(
+        "recognition.figures.describe_objects", modes, sizes, -3, 2**20 + 1,
+        out=[((2, 4), F32), ((2,), F32), ((2, 2), F32), ((2,), F32)],
+    )  # fmt: skip
+    own = sizes[[1, 4]]
+    centers = modes[1:, :2] / 16
+    boxes = np.concatenate([centers + 0.5 - own[:, 1:], centers + 0.5 + own[:, 1:]], axis=1)
+    scores = (modes[1:, 3].astype(I64) + 2**20 + 1) / 2**14
+    for a, b in zip(found, (boxes, scores, centers, own[:, 0]), strict=True):
+        np.testing.assert_array_equal(a, b.astype(F32))

@@ -60,6 +60,20 @@ def test_a_function_of_native_code():
     assert out.numpy()[0] == 42
 
 
+@_native.each(FILE, RADIUS=1)
+def blur_row(row: int, image: wp.array2d[float], out: wp.array2d[float]): ...
+
+
+def test_a_kernel_over_slabs_calls_its_function_for_each_row():
+    image = np.arange(12, dtype=np.float32).reshape(4, 3)
+    out = wp.full(image.shape, -1.0, dtype=float, device="cpu")
+    inputs = [7, 1, 3, wp.array(image, dtype=float, device="cpu"), out]
+    wp.launch(blur_row, dim=1, inputs=inputs, device="cpu")
+    expected = np.full(image.shape, -1, np.float32)
+    expected[1:3] = scipy.ndimage.uniform_filter1d(image[1:3], 3, axis=1, mode="nearest")
+    np.testing.assert_allclose(out.numpy(), expected, rtol=0, atol=1e-5)
+
+
 def refused(message, stub, file=FILE, **constants):
     with pytest.raises(ImportError) as info:
         _native.func_native(file, **constants)(stub)

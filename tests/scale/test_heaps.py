@@ -134,3 +134,13 @@ def test_what_does_not_fit_is_refused(tmp_path, error, message, options):
     with pytest.raises(error, match=message):
         map_images(**call)
     assert not (tmp_path / "out").exists()
+
+
+def test_the_files_that_are_read_are_not_replaced(tmp_path):
+    folder = heap(tmp_path / "in", 2)
+    kept = [file.read_bytes() for file in sorted(folder.iterdir())]
+    for target in (folder, tmp_path / "in" / ".." / "in"):
+        for overwrite in (False, True):
+            with pytest.raises(ValueError, match=r"target must not hold a file of paths, got"):
+                map_images(folder, "median", target, suffix=".png", overwrite=overwrite)
+    assert [file.read_bytes() for file in sorted(folder.iterdir())] == kept

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +54,8 @@ def noise():
 
 
 def test_every_function_with_a_halo_is_tried():
-    assert {name for name, _ in FILTERS} | {"canny"} == set(TILED)
+    tried = {"canny", "hough_circle", "hough_line", "stereo_match"}
+    assert {name for name, _ in FILTERS} | tried == set(TILED)
 
 
 @pytest.mark.parametrize("tile", [5, (23, 40), 1000])
@@ -82,6 +84,64 @@ def test_an_edge_that_winds_through_many_tiles(backend):
     got = apply("canny", image, tile=13, **options)
     same(got, cvkern.canny(image, **options))
     assert got.sum() > 1000
+
+
+def test_votes_over_tiles_are_those_of_the_image(backend):
+    image = skimage.data.camera()[100:250, 50:240]
+    edges = cvkern.canny(image, 1.5, 10, 40)
+    turn, weight = cvkern.gradient(image).orientation, np.random.default_rng(0).random(edges.shape)
+    directed: dict[str, Any] = {"orientation": turn, "orientation_tolerance": 0.1}
+    lines: list[dict[str, Any]] = [
+        {}, {"rho_step": 0.7, "theta": np.linspace(-1.5, 1.5, 50)}, directed, {"weights": weight},
+    ]  # fmt: skip
+    for given in lines:
+        got = apply("hough_line", edges, tile=(37, 64), **given)
+        same(got, cvkern.hough_line(edges, **given))
+    circles: list[dict[str, Any]] = [
+        {"radius": [5, 9, 30]}, {"radius": 7, "normalize": False} | directed,
+    ]  # fmt: skip
+    for given in circles:
+        got = apply("hough_circle", edges, tile=(37, 64), **given)
+        same(got, cvkern.hough_circle(edges, **given))
+    target = np.zeros((2, *edges.shape), np.float32)
+    assert apply("hough_circle", edges, target, tile=40, radius=[3, 8]) is target
+    same(target, cvkern.hough_circle(edges, [3, 8]))
+
+
+def test_strips_of_a_pair(backend):
+    left = cvkern.gaussian(np.random.default_rng(0).random((230, 96)), 1)
+    right = np.roll(left, -5, axis=1)
+    given: dict[str, Any] = {"disparities": (0, 16), "data_range": 1.0}
+    exact = given | {"method": "window", "window": 7, "speckle_size": 0}
+    pair = cvkern.stereo_match
+    want = pair(left, right, **exact)
+    assert want.valid.any(axis=1).all()
+    got = apply("stereo_match", (left, right), tile=50, **exact)
+    assert isinstance(got, type(want))
+    same(got, want)
+    got, want = apply("stereo_match", (left, right), tile=50, **given), pair(left, right, **given)
+    assert (got.disparity == want.disparity).mean() > 0.999
+    with pytest.raises(ValueError, match="source must be a tuple of 2 images, got 1"):
+        apply("stereo_match", left, **given)
+
+
+def test_devices_take_tiles_in_turn(backend):
+    image = skimage.data.camera()[100:300, 50:261]
+    options: dict[str, Any] = {"sigma": 1.5, "low_threshold": 1, "high_threshold": 40}
+    got = apply("canny", image, tile=40, devices=("cpu", "cpu", "cpu"), **options)
+    same(got, cvkern.canny(image, **options))
+    with pytest.raises(ValueError, match="device must be one that"):
+        apply("box", image, devices=("cpu", "cuda:77"))
+
+
+def test_arrays_of_zarr(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    image = skimage.data.camera()[100:300, 50:261]
+    source = zarr.create_array(tmp_path / "in", shape=image.shape, chunks=(64, 50), dtype="u1")
+    target = zarr.create_array(tmp_path / "out", shape=image.shape, chunks=(32, 64), dtype=bool)
+    source[:] = image
+    apply("canny", source, target, tile=64, sigma=2)
+    same(target[:], cvkern.canny(image, 2))
 
 
 def test_colours_and_masks(backend):

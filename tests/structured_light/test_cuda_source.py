@@ -1,5 +1,6 @@
 """The CUDA kernels of structured light compile, though they are made when they are first used."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -32,7 +33,11 @@ def test_compiles_for_hopper(scalar, tmp_path):
     for n, kernel in enumerate(made(scalar)):
         folder = tmp_path / f"{n}"
         (ptx,) = wp.compile_aot_module(kernel.module, arch=90, module_dir=folder, use_ptx=True)
-        assert "fma.rn.f32" not in Path(ptx).read_text(), kernel.key
+        # Written by hand, one makes a remainder that is exact.
+        text = re.sub(
+            "// begin inline asm.*?// end inline asm", "", Path(ptx).read_text(), flags=re.S
+        )
+        assert "fma.rn.f32" not in text, kernel.key
 
 
 @pytest.mark.parametrize("axis", [0, 1])

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 SHAPES, FORWARD = "shapes", "shapes-forward"  # names of synthetic scenes
@@ -61,3 +63,16 @@ def scene_at(path: Path, shrink: int, test_every: int = 8) -> Any:
         scene = read(path, test_every=test_every)
     check_integer(shrink, "shrink", 1, min(scene.cameras.width, scene.cameras.height))
     return scene if shrink == 1 else scene.resized(shrink)
+
+
+def fade(model: Any, first: int | None, last: int | None, frames: int) -> Any:
+    """Return the lights of a film from that of one photograph to that of another, if given."""
+    from cvkern._checks import check_integer
+
+    if last is None:
+        return first
+    lights, begin = model.appearances, model.gauge if first is None else first
+    for name, number in (("light", begin), ("light-to", last)):
+        check_integer(number, name, 0, len(lights) - 1)
+    share = np.linspace(0, 1, frames).reshape(-1, *(1,) * (lights.ndim - 1))
+    return (1 - share) * lights[begin] + share * lights[last]

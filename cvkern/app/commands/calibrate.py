@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 import cvkern
 from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, Overwrite, check_new, progress_bar
-from cvkern.geometry.cameras.calibration import PARAMETERS
+from cvkern.geometry.cameras.calibration import PARAMETERS, free_of
 
 
 def calibrate(
@@ -40,58 +42,71 @@ def calibrate(
 ) -> None:
     """Find a camera, or a pair of cameras, from photographs of a chessboard.
 
-    Photographs go by the order of their names; with --right the first of both cameras are a pair,
-    the second, and so on. Those without a whole board are left out. FILE is JSON, or YAML as
-    OpenCV writes it.
+    With --right, photographs are a pair whose names have the same text in place of the * of both
+    patterns; if no names do, the first in the order of names are a pair, the second, and so on.
+    Photographs that cannot be read, have another size than most or show no whole board are named
+    and left out. FILE is JSON, or YAML as OpenCV writes it.
     """
     from cvkern._files import check_target
 
     shape = _board(board)
     names = [name for name in fixed.replace(",", " ").split() if name]
+    need = max(1, -(-int(free_of(names)[:4].sum()) // 2))
     if output.suffix.lower() not in (".json", ".yml", ".yaml"):
         raise ValueError(f"output must end in .json, .yml or .yaml, got {str(output)!r}")
     check_target(output)
     check_new(output, "output", overwrite)
-    sides = [_files(folder, left)] + ([_files(folder, right)] if right else [])
-    if len({len(files) for files in sides}) > 1:
-        raise ValueError(
-            f"left and right must match as many photographs, got {len(sides[0])} and "
-            f"{len(sides[1])}"
-        )
-    points = cvkern.chessboard_points(shape, square)
+    sides = [_files(folder, left)]
+    if right:
+        sides = _paired(sides[0], _files(folder, right), left, right)
     with cvkern.use(backend=backend, device=device):
-        seen, size = _detected(sides, shape)
+        seen, sizes = _detected(sides, shape, board)
     views = list(zip(*seen, strict=True))
     good = [n for n, pair in enumerate(views) if all(p is not None for p in pair)]
-    for n, pair in enumerate(views):
-        missing = [files[n].name for files, p in zip(sides, pair, strict=True) if p is None]
-        if missing:
-            typer.echo(f"{' and '.join(missing)}: no whole board of {board} corners")
-    if not good:
-        raise ValueError(f"board must be seen as a whole in some photographs, got none: {board}")
-    lists = [[found[n] for n in good] for found in seen]
-    if right:
-        found = cvkern.calibrate_stereo(points, lists[0], lists[1], size, fixed=names)
-        rectified = cvkern.rectify_stereo(found)
-        pairs = [rectified.points(a, b) for a, b in zip(*lists, strict=True)]
-        gap = np.mean([np.abs(a[:, 0] - b[:, 0]).mean() for a, b in pairs])
-        said = (
-            f"{len(good)} of {len(views)} pairs, {found.rms:.3f} px; baseline "
-            f"{rectified.baseline:.6g}; rows of rectified corners differ by {gap:.3f} px"
+    if len(good) < need:
+        of = "pairs" if right else "photographs"
+        found = ", ".join(" and ".join(files[n].name for files in sides) for n in good)
+        raise ValueError(
+            f"board must be seen as a whole, {board} corners, in at least {need} {of}, got "
+            f"{len(good)} of {len(views)}" + (f": {found}" if good else "")
         )
-    else:
-        found = cvkern.calibrate_camera(points, lists[0], size, fixed=names)
-        for n, rms in zip(good, found.view_rms, strict=True):
-            typer.echo(f"{sides[0][n].name}: {rms:.3f} px")
-        fx, fy, cx, cy = found.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
-        spread = found.deviations
-        said = (
-            f"{len(good)} of {len(views)} photographs, {found.rms:.3f} px; "
-            f"fx {fx:.2f} +- {spread[0]:.2f}, fy {fy:.2f} +- {spread[1]:.2f}, "
-            f"cx {cx:.2f} +- {spread[2]:.2f}, cy {cy:.2f} +- {spread[3]:.2f}"
-        )
+    points = cvkern.chessboard_points(shape, square)
+    lists: list[list[Any]] = [[found[n] for n in good] for found in seen]
+    said = f"{len(good)} of {len(views)} "
+    try:
+        if right:
+            found = cvkern.calibrate_stereo(
+                points, lists[0], lists[1], sizes[0], right_shape=sizes[1], fixed=names
+            )
+            said += f"pairs, {found.rms:.3f} px; {_said_of_pair(found, lists)}"
+        else:
+            found = cvkern.calibrate_camera(points, lists[0], sizes[0], fixed=names)
+            for n, rms in zip(good, found.view_rms, strict=True):
+                typer.echo(f"{sides[0][n].name}: {rms:.3f} px")
+            said += f"photographs, {found.rms:.3f} px; {_said_of_camera(found)}"
+    except ValueError as error:
+        raise ValueError(
+            f"board must be tilted in different ways to give a camera, got {len(good)} views that "
+            f"do not: {error}"
+        ) from error
     cvkern.write_calibration(output, found)
     typer.echo(f"{output}: {said}")
+
+
+def _said_of_camera(found: cvkern.Calibration) -> str:
+    fx, fy, cx, cy = found.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
+    spread = found.deviations
+    return (
+        f"fx {fx:.2f} +- {spread[0]:.2f}, fy {fy:.2f} +- {spread[1]:.2f}, "
+        f"cx {cx:.2f} +- {spread[2]:.2f}, cy {cy:.2f} +- {spread[3]:.2f}"
+    )
+
+
+def _said_of_pair(found: cvkern.StereoCalibration, lists: list[list[Any]]) -> str:
+    rectified = cvkern.rectify_stereo(found)
+    pairs = [rectified.points(a, b) for a, b in zip(*lists, strict=True)]
+    gap = np.mean([np.abs(a[:, 0] - b[:, 0]).mean() for a, b in pairs])
+    return f"baseline {rectified.baseline:.6g}; rows of rectified corners differ by {gap:.3f} px"
 
 
 def _board(board: str) -> tuple[int, int]:
@@ -112,28 +127,65 @@ def _files(folder: Path, names: str) -> list[Path]:
     return found
 
 
+def _paired(lefts: list[Path], rights: list[Path], left: str, right: str) -> list[list[Path]]:
+    """Return the photographs of both cameras that are pairs; name those without a partner."""
+    keys = [{_wild(f.name, glob): f for f in files} for files, glob in
+            ((lefts, left), (rights, right))]  # fmt: skip
+    both = [key for key in keys[0] if key and key in keys[1]]
+    if both:
+        for mine, other in (keys, keys[::-1]):
+            for key, file in mine.items():
+                if key not in other:
+                    typer.echo(f"{file.name}: no partner")
+        return [[side[key] for key in both] for side in keys]
+    if len(lefts) != len(rights):
+        raise ValueError(
+            f"left and right must match as many photographs, got {len(lefts)} and {len(rights)}"
+        )
+    return [lefts, rights]
+
+
+def _wild(name: str, glob: str) -> str:
+    """Return what the wildcards of a pattern stand for in a name."""
+    pattern = re.escape(Path(glob).name).replace(r"\*", "(.*)").replace(r"\?", "(.)")
+    found = re.fullmatch(pattern, name)
+    return "/".join(found.groups()) if found else ""
+
+
 def _detected(
-    sides: list[list[Path]], shape: tuple[int, int]
-) -> tuple[list[list[np.ndarray | None]], tuple[int, int]]:
-    """Return the corners in all photographs, and their size."""
+    sides: list[list[Path]], shape: tuple[int, int], board: str
+) -> tuple[list[list[np.ndarray | None]], list[tuple[int, int]]]:
+    """Return the corners in all photographs, and the size of each camera's; name those without."""
     from cvkern.images.files import read_image
 
-    size: tuple[int, int] | None = None
-    seen: list[list[np.ndarray | None]] = []
+    every, sizes = [], []
     with progress_bar() as bar:
         task = bar.add_task("", total=sum(map(len, sides)))
         for files in sides:
             found: list[np.ndarray | None] = []
+            shapes: list[tuple[int, int] | None] = []
             for file in files:
                 bar.update(task, description=file.name)
-                image = read_image(file)
-                if size not in (None, image.shape[:2]):
-                    raise ValueError(
-                        f"{file}: photographs must have one size, {size}, got {image.shape[:2]}"
-                    )
-                size = image.shape[0], image.shape[1]
-                found.append(cvkern.detect_chessboard(image, shape))
+                corners, size = None, None
+                try:
+                    image = read_image(file)
+                    size = image.shape[0], image.shape[1]
+                    corners = cvkern.detect_chessboard(image, shape)
+                except ValueError as error:
+                    typer.echo(f"{file.name}: left out: {error}")
+                else:
+                    if corners is None:
+                        typer.echo(f"{file.name}: no whole board of {board} corners")
+                found.append(corners)
+                shapes.append(size if corners is not None else None)
                 bar.advance(task)
-            seen.append(found)
-    assert size is not None
-    return seen, size
+            size, _ = (
+                Counter(s for s in shapes if s).most_common(1)[0] if any(shapes) else ((1, 1), 0)
+            )
+            for n, (file, other) in enumerate(zip(files, shapes, strict=True)):
+                if other not in (None, size):
+                    typer.echo(f"{file.name}: left out: its size is {other}, that of most {size}")
+                    found[n] = None
+            every.append(found)
+            sizes.append(size)
+    return every, sizes

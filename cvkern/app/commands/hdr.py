@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Drawing
+from cvkern.app.commands import Backend, Device, Drawing, Overwrite, check_apart, check_new
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 TIMES = "exposure_seconds.json"
@@ -36,6 +36,7 @@ def hdr(
     radiance: Annotated[
         Path | None, typer.Option(help="NumPy file to write the radiance to.")
     ] = None,
+    overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
@@ -50,6 +51,8 @@ def hdr(
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
     if len(paths) < 2:
         raise ValueError(f"FOLDER must have at least 2 images, got {len(paths)}")
+    check_apart(paths, output=output, radiance=radiance)
+    check_new(radiance, "radiance", overwrite)
     if tone == "fuse" and radiance:
         raise ValueError("radiance must go with another tone than 'fuse'")
     images = [np.asarray(read_image(path)) for path in paths]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 import cvkern
@@ -17,7 +18,7 @@ from cvkern.app.commands import (
     check_new,
     progress_bar,
 )
-from cvkern.app.commands._scenes import FORWARD, SHAPES, scene_at, with_settings, within
+from cvkern.app.commands._scenes import FORWARD, SHAPES, fade, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
@@ -67,7 +68,15 @@ def train(
     loss: Annotated[str, typer.Option(help="Loss: squared or huber.")] = "squared",
     appearance: Annotated[
         str | None,
-        typer.Option(help="affine: learn the light of each photograph.", show_default="one light"),
+        typer.Option(
+            help="Learn the light of each photograph: affine, a map of its colours, or embedding, "
+            "inputs of a hash or mlp field.",
+            show_default="one light",
+        ),
+    ] = None,
+    gauge: Annotated[
+        int | None,
+        typer.Option(help="Photograph whose light pictures have.", show_default="the first"),
     ] = None,
     robust: Annotated[
         bool, typer.Option("--robust", help="Ignore passers-by and what else does not stay.")
@@ -79,6 +88,10 @@ def train(
     deterministic: Annotated[
         bool, typer.Option("--deterministic", help="The same steps give the same model on a GPU.")
     ] = False,
+    devices: Annotated[
+        str | None,
+        typer.Option(metavar="cuda:0,cuda:1,...", help="Train on several GPUs together."),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue from the output, if it exists.")
     ] = False,
@@ -134,10 +147,12 @@ def train(
             background=background,
             loss=loss,
             appearance=appearance,
+            gauge=gauge,
             robust=robust,
             transient=transient,
             seed=seed,
             deterministic=deterministic,
+            devices=devices.split(",") if devices else None,
             checkpoint=output,
             resume=resume,
             log=log,
@@ -192,6 +207,10 @@ def render(
             help="Number of the photograph whose light to use.", show_default="the model's"
         ),
     ] = None,
+    light_to: Annotated[
+        int | None,
+        typer.Option(help="Photograph whose light a film ends in; it begins in that of --light."),
+    ] = None,
     depth: Annotated[
         Path | None,
         typer.Option(
@@ -204,8 +223,6 @@ def render(
     device: Device = None,
 ) -> None:
     """Render a view of a model, an orbit, or a film along a camera path."""
-    import numpy as np
-
     from cvkern._checks import check_positive
     from cvkern._files import replacing
     from cvkern.images.colors import apply_colormap
@@ -218,6 +235,8 @@ def render(
     film = orbit or path is not None
     if film and depth:
         raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
+    if light_to is not None and not film:
+        raise ValueError(f"light-to must go with a film, got {light_to} with a single view")
     raw = depth is not None and depth.suffix.lower() == ".npy"
     check_new(output if film else None, "output", overwrite)
     check_new(depth if raw else None, "depth", overwrite)
@@ -233,7 +252,8 @@ def render(
             with progress_bar() as bar:
                 task = bar.add_task("Rendering", total=len(cameras))
                 render_path(
-                    made, cameras, output, fps=rate if fps is None else fps, appearance=light,
+                    made, cameras, output, fps=rate if fps is None else fps,
+                    appearance=fade(made, light, light_to, len(cameras)),
                     progress=lambda done, total: bar.update(task, completed=done, total=total),
                 )  # fmt: skip
             typer.echo(f"{output}: {len(cameras)} frames of {cameras.height} x {cameras.width}")
@@ -359,8 +379,6 @@ def planes(
     device: Device = None,
 ) -> None:
     """Make a multiplane image of a rectified pair, without training: views between the two."""
-    import numpy as np
-
     from cvkern.images.files import read_image
     from cvkern.radiance import planes_from_stereo, write_planes
 

@@ -37,6 +37,10 @@ def scan(
         str, typer.Option(help="Fringes over the projector, of --code phase.")
     ] = "1,8,64",
     steps: Annotated[int, typer.Option(help="Shifts of each fringe.", min=3)] = 4,
+    projector: Annotated[
+        str | None,
+        typer.Option(help="COLUMNSxROWS of the projector.", show_default="from the calibration"),
+    ] = None,
     overwrite: OverwriteFolder = False,
     backend: Backend = None,
     device: Device = None,
@@ -58,18 +62,21 @@ def scan(
     if not folder.is_dir():
         raise FileNotFoundError(f"folder must exist, got {str(folder)!r}")
     check_folder(output, RESULTS, overwrite)
-    pair = cvkern.read_calibration(calibration)
+    size = None if projector is None else _size(projector)
+    pair = cvkern.read_calibration(calibration, right_shape=size)
     if not isinstance(pair, cvkern.StereoCalibration):
         raise ValueError(f"calibration must be of a camera and a projector, got {calibration}")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS)
     if not files:
         raise ValueError(f"folder must have photographs, got {str(folder)!r}")
-    frames = [as_gray(read_image(file)) for file in files]
-    shapes = {frame.shape for frame in frames}
-    if shapes != {pair.left.shape}:
-        raise ValueError(
-            f"folder must have photographs of {pair.left.shape}, got {', '.join(map(str, shapes))}"
-        )
+    frames = []
+    for file in files:
+        frames.append(as_gray(read_image(file)))
+        if frames[-1].shape != pair.left.shape or frames[-1].dtype != frames[0].dtype:
+            raise ValueError(
+                f"folder must have photographs of {pair.left.shape} {frames[0].dtype}, got "
+                f"{file.name} of {frames[-1].shape} {frames[-1].dtype}"
+            )
     with cvkern.use(backend=backend, device=device):
         if code == "gray":
             found, shade = _gray(frames, pair.right.shape)
@@ -96,6 +103,14 @@ def scan(
     typer.echo(f"{output / 'depth.tif'}: {near:.6g} to {far:.6g}")
     typer.echo(f"{output / 'cloud.ply'}: {len(cloud)} points")
     typer.echo(f"{output / 'turntable.gif'}: {len(movie)} frames")
+
+
+def _size(projector: str) -> tuple[int, int]:
+    """Return rows and columns of COLUMNSxROWS."""
+    parts = projector.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
+        raise ValueError(f"projector must be COLUMNSxROWS, 1920x1080 say, got {projector!r}")
+    return int(parts[1]), int(parts[0])
 
 
 def _gray(frames: list[np.ndarray], shape: tuple[int, int]) -> tuple[Any, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Reading and writing of calibrations: JSON, and the YAML of OpenCV."""
+"""Reading and writing of calibrations: JSON, and the files of OpenCV."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import json
 import math
 import os
 import re
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -18,10 +20,29 @@ from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
 
 LARGEST_FILE = 2**24  # bytes: calibrations have some thousands
 _MATRIX = re.compile(
-    r"rows:\s*(\d+)\s+cols:\s*(\d+)\s+dt:\s*\"?(\w+)\"?\s+data:\s*\[([^\]]*)\]", re.DOTALL
+    r"(?:rows:\s*(\d+)\s+cols:\s*(\d+)|sizes:\s*\[([^\]]*)\])\s+dt:\s*\"?\w+\"?\s+"
+    r"data:\s*\[([^\]]*)\]",
+    re.DOTALL,
 )
+_KINDS = ("opencv-matrix", "opencv-nd-matrix")  # the second one is what OpenCV 5 makes of a vector
+_NOT_FINITE = re.compile(r"(?<=[\s\[,:])(-?)\.(Nan|Inf)\b")  # these are no JSON
 _ENTRY = re.compile(r"^(\w+):", re.MULTILINE)
-_JSON, _YAML = (".json",), (".yml", ".yaml")
+_JSON, _YAML, _XML = (".json",), (".yml", ".yaml"), (".xml",)
+# Other names of entries: OpenCV 2, tutorials, samples for structured light, and procam-calibration,
+# which misspells one.
+_ALIASES = {
+    "camera_matrix": ("Camera_Matrix", "cameraMatrix", "mtx", "K"),
+    "distortion_coefficients": ("Distortion_Coefficients", "distCoeffs", "dist", "D"),
+    "image_width": ("image_Width",),
+    "image_height": ("image_Height",),
+    "avg_reprojection_error": ("Avg_Reprojection_Error", "rms"),
+    "M1": ("cameraMatrix1", "K1", "cam1_intrinsics", "cam_int"),
+    "D1": ("distCoeffs1", "cam1_distorsion", "cam_dist"),
+    "M2": ("cameraMatrix2", "K2", "cam2_intrinsics", "proj_int"),
+    "D2": ("distCoeffs2", "cam2_distorsion", "proj_dist"),
+    "R": ("rotation", "roration"),  # codespell:ignore roration
+    "T": ("translation",),
+}
 
 
 def write_calibration(
@@ -72,7 +93,7 @@ def write_calibration(
     >>> bool((again.matrix == found.matrix).all())
     True
     """
-    ending = _ending(path)
+    ending = _ending(path, _JSON + _YAML)
     if isinstance(calibration, StereoCalibration):
         cameras = {"M1 D1": calibration.left, "M2 D2": calibration.right}
     elif isinstance(calibration, Calibration):
@@ -100,18 +121,25 @@ def write_calibration(
 
 
 def read_calibration(
-    path: str | os.PathLike[str], shape: tuple[int, int] | None = None
+    path: str | os.PathLike[str],
+    shape: tuple[int, int] | None = None,
+    *,
+    right_shape: tuple[int, int] | None = None,
 ) -> Calibration | StereoCalibration:
     """Read a calibration from a file.
 
     Parameters
     ----------
     path : path
-        A file of :func:`write_calibration`, or one that OpenCV's ``FileStorage`` wrote as YAML,
-        with `camera_matrix` and `distortion_coefficients`, or with `M1`, `D1`, `M2`, `D2`, `R`
-        and `T`.
+        A file of :func:`write_calibration`, or one that OpenCV's ``FileStorage`` wrote as XML,
+        YAML or JSON, with `camera_matrix` and `distortion_coefficients`, or with `M1`, `D1`, `M2`,
+        `D2`, `R` and `T`; or under the names that OpenCV's other samples give them.
     shape : (int, int), optional
-        Rows and columns of the images, for files without them.
+        Rows and columns of the images, for files without them; of the first camera, if there are
+        two.
+    right_shape : (int, int), optional
+        Rows and columns of the images of the second camera, or of a projector, for files without
+        them. By default those of the first.
 
     Returns
     -------
@@ -131,23 +159,26 @@ def read_calibration(
     --------
     See :func:`write_calibration`.
     """
-    ending = _ending(path)
+    ending = _ending(path, _JSON + _YAML + _XML)
     if Path(path).stat().st_size > LARGEST_FILE:
         raise ValueError(f"path must be a file of a calibration, got {os.fspath(path)!r}: too long")
     name = os.fspath(path)
     try:
         text = Path(path).read_text(encoding="utf-8")
-        values = _from_json(text) if ending in _JSON else _from_yaml(text)
-        return _calibration(values, shape)
-    except (ValueError, TypeError, KeyError, OverflowError) as error:
+        values = (_from_json if ending in _JSON else _from_xml if ending in _XML else _from_yaml)(
+            text
+        )
+        return _calibration(_named(values), shape, right_shape)
+    except (ValueError, TypeError, KeyError, OverflowError, ElementTree.ParseError) as error:
         said = str(error) if not isinstance(error, KeyError) else f"{error.args[0]} is missing"
         raise ValueError(f"{name}: no calibration: {said}") from None
 
 
-def _ending(path: str | os.PathLike[str]) -> str:
+def _ending(path: str | os.PathLike[str], known: tuple[str, ...]) -> str:
     ending = Path(path).suffix.lower()
-    if ending not in _JSON + _YAML:
-        raise ValueError(f"path must end in .json, .yml or .yaml, got {os.fspath(path)!r}")
+    if ending not in known:
+        said = f"{', '.join(known[:-1])} or {known[-1]}"
+        raise ValueError(f"path must end in {said}, got {os.fspath(path)!r}")
     return ending
 
 
@@ -177,9 +208,52 @@ def _number(value: float) -> str:
 
 
 def _from_json(text: str) -> dict[str, Any]:
+    text = _NOT_FINITE.sub(lambda m: m[1] + {"Nan": "NaN", "Inf": "Infinity"}[m[2]], text)
     values = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("it is no object of names and values")
+    return {name: _of_opencv(name, value) for name, value in values.items()}
+
+
+def _of_opencv(name: str, value: Any) -> Any:
+    """Return the matrix that OpenCV writes into JSON as an object."""
+    if not isinstance(value, dict) or value.get("type_id") not in _KINDS:
+        return value
+    sides = value["sizes"] if "sizes" in value else (value["rows"], value["cols"])
+    return _matrix(name, sides, value["data"])
+
+
+def _matrix(name: str, sides: Iterable[Any], numbers: Sequence[Any]) -> np.ndarray:
+    shape = [int(side) for side in sides]
+    if len(numbers) != math.prod(shape):
+        said = f"{name} must have {' x '.join(map(str, shape))} numbers"
+        raise ValueError(f"{said}, got {len(numbers)}")
+    return np.reshape([float(_plain(str(n))) for n in numbers], shape)
+
+
+def _from_xml(text: str) -> dict[str, Any]:
+    """Read the numbers and matrices of the outermost level, and leave out all else."""
+    if "<!" in text.replace("<!--", ""):  # entities can stand for more than memory holds
+        raise ValueError("it has a document type, which OpenCV does not write")
+    root = ElementTree.fromstring(text)
+    if root.tag != "opencv_storage":
+        raise ValueError(f"its root must be opencv_storage, got {root.tag}")
+    values: dict[str, Any] = {}
+    for entry in root:
+        if entry.get("type_id") in _KINDS:
+            rows, columns, sizes, data = (
+                entry.findtext(part) for part in ("rows", "cols", "sizes", "data")
+            )
+            sides = sizes.split() if sizes else (rows, columns)
+            if data is None or None in sides:
+                raise ValueError(f"{entry.tag} is no whole matrix")
+            values[entry.tag] = _matrix(entry.tag, sides, data.split())
+        elif not len(entry):
+            body = (entry.text or "").strip()
+            try:
+                values[entry.tag] = float(_plain(body))
+            except ValueError:
+                values[entry.tag] = body
     return values
 
 
@@ -192,16 +266,13 @@ def _from_yaml(text: str) -> dict[str, Any]:
     ends = [*[head.start() for head in heads][1:], len(text)]
     for head, end in zip(heads, ends, strict=False):
         body = text[head.end() : end].strip()
-        if body.startswith("!!opencv-matrix"):
+        if body.startswith(tuple(f"!!{kind}" for kind in _KINDS)):
             found = _MATRIX.search(body)
             if not found:
                 raise ValueError(f"{head.group(1)} is no whole matrix")
-            rows, columns = int(found.group(1)), int(found.group(2))
-            numbers = [float(_plain(n)) for n in found.group(4).split(",") if n.strip()]
-            if len(numbers) != rows * columns:
-                said = f"{head.group(1)} must have {rows} x {columns} numbers"
-                raise ValueError(f"{said}, got {len(numbers)}")
-            values[head.group(1)] = np.reshape(numbers, (rows, columns))
+            rows, columns, sizes, data = found.groups()
+            sides = sizes.split(",") if sizes else (rows, columns)
+            values[head.group(1)] = _matrix(head.group(1), sides, data.replace(",", " ").split())
         else:
             try:
                 values[head.group(1)] = float(_plain(body))
@@ -214,18 +285,33 @@ def _plain(number: str) -> str:
     return number.strip().lower().replace(".nan", "nan").replace(".inf", "inf")
 
 
+def _named(values: dict[str, Any]) -> dict[str, Any]:
+    """Return the entries under the names that are written, whatever names the file has for them."""
+    found = dict(values)
+    for name, others in _ALIASES.items():
+        there = [other for other in others if other in values]
+        if there and name not in found:
+            found[name] = values[there[0]]
+    size = np.ravel(found.get("img_shape", ()))
+    if "image_height" not in found and len(size) == 2:
+        found["image_height"], found["image_width"] = size.tolist()
+    return found
+
+
 def _calibration(
-    values: dict[str, Any], shape: tuple[int, int] | None
+    values: dict[str, Any],
+    shape: tuple[int, int] | None,
+    right_shape: tuple[int, int] | None,
 ) -> Calibration | StereoCalibration:
-    if shape is None:
-        if "image_height" not in values or "image_width" not in values:
-            raise ValueError("it does not say the size of the images, and shape is not given")
+    if "image_height" in values and "image_width" in values and shape is None:
         shape = _side(values["image_height"]), _side(values["image_width"])
+    if shape is None:
+        raise ValueError("it does not say the size of the images, and shape is not given")
     rms = values.get("avg_reprojection_error")
     rms = math.nan if rms is None else float(rms)
     if "M1" in values:
-        other = shape
-        if "image_height2" in values and "image_width2" in values:
+        other = right_shape or shape
+        if right_shape is None and "image_height2" in values and "image_width2" in values:
             other = _side(values["image_height2"]), _side(values["image_width2"])
         left, right = (
             Camera(_array(values, f"M{n}", (3, 3)), _array(values, f"D{n}"), sides)

@@ -319,6 +319,7 @@ def distinct(shapes: np.ndarray, support: np.ndarray, apart: float) -> np.ndarra
     """
     order = np.lexsort((*shapes.T[::-1], -support))
     kept = []
+    # Each round takes out one shape at least.
     while len(order):
         best, order = order[0], order[1:]
         kept.append(best)

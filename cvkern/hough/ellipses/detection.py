@@ -165,6 +165,7 @@ def _candidates(
     order = np.argsort(-votes / _perimeter(axes), kind="stable")[: 64 * CANDIDATES]
     shapes = np.column_stack((center, axes, turned))[order]
     chosen = []
+    # Each round adds one, up to `CANDIDATES`.
     while len(shapes) and len(chosen) < CANDIDATES:
         best = shapes[0]
         chosen.append(best)

@@ -109,11 +109,24 @@ def reach(size: tuple[int, int], step: float) -> int:
     return math.ceil(min(math.sqrt(size[0] ** 2 + size[1] ** 2) / step, MAX_ELEMENTS))
 
 
+def crossing(size: tuple[int, int], step: float) -> int:
+    """Return the largest number of pixels of a line that fall into one bin."""
+    # A line has at most one side of the image, times those per row.
+    return max(size) * (math.floor(math.sqrt(2) * step) + 1)
+
+
 @lru_cache(maxsize=32)
 def line_tables(angles: bytes, step: float, size: tuple[int, int], parts: int) -> LineTables:
     """Return the tables for float64 angles, and for points in units of 1 / `parts` of a pixel."""
     theta = np.frombuffer(angles)
     return fixed_tables(np.cos(theta) / step, np.sin(theta) / step, reach(size, step), size, parts)
+
+
+def moved(tables: LineTables, corner: tuple[int, int]) -> LineTables:
+    """Return the tables for points that are counted from the pixel `corner` of the image."""
+    y, x = corner
+    offset = tables.offset + y * tables.sine.astype(np.int64) + x * tables.cosine.astype(np.int64)
+    return tables._replace(offset=offset)
 
 
 def fixed_tables(

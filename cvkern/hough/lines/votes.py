@@ -22,6 +22,7 @@ from cvkern.hough._points import check_masks, mask_points
 from cvkern.hough.lines._tables import (
     SUBPIXEL,
     cast_votes,
+    crossing,
     direction_windows,
     fixed_tables,
     line_tables,
@@ -184,10 +185,8 @@ def hough_line(
         found = subpixel_points(rt, points, size)
         tables = line_tables(angles.tobytes(), step, size, SUBPIXEL)
     votes = rt.empty(shape_of_votes, np.int32)
-    # A line has at most this many pixels in its bin: one side of the image, times those per row.
-    crossing = max(size) * (math.floor(math.sqrt(2) * step) + 1)
     view = rt.adopt(votes, np.int32)
-    cast_votes(rt, found, tables, windows, orientation, weights, crossing, view)
+    cast_votes(rt, found, tables, windows, orientation, weights, crossing(size, step), view)
     rho = step * np.arange(-distances, distances + 1.0)
     return HoughLine(rt.release(votes), angles, rho)
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import Composited, Rays
+from cvkern.kernels.codes.radiance import Composited, Lights, Rays
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
 FARTHEST = 2**15  # distance from the middle up to which float32 resolves the steps along a ray
@@ -118,6 +118,13 @@ class Field(abc.ABC):
         """Add to the parameters' gradients, given those of the last result of :meth:`forward`."""
 
     @abc.abstractmethod
+    def collected(self) -> list[Any]:
+        """Return the arrays that :meth:`backward` adds to, as :meth:`learn` takes them.
+
+        Training on several devices adds them up; of bytes, which are marks, it keeps the largest.
+        """
+
+    @abc.abstractmethod
     def learn(self, learning: Learning) -> None:
         """Update the parameters by their gradients, and reset the gradients."""
 
@@ -126,6 +133,9 @@ class Field(abc.ABC):
 
     def look_aside(self, aside: bool) -> None:  # noqa: B027  (some colours never depend on it)
         """While `aside`, learn colours that are the same from all sides."""
+
+    def light(self, lights: Lights) -> None:  # noqa: B027  (most fields have one light)
+        """From now on, see the scene in these lights of rays, if the field was built `lit`."""
 
     @abc.abstractmethod
     def taken(self) -> int:

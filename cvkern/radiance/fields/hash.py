@@ -11,12 +11,19 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import AdamRule, network_layers, network_room
+from cvkern.kernels.codes.radiance import (
+    LIGHT,
+    AdamRule,
+    NetworkInputs,
+    network_layers,
+    network_room,
+)
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
+MOST_LIT = 24  # levels with lights: shared memory holds no more weights
 FINEST = 2**20  # cells along a side; kernels number them with 20 bits
 CELLS_OF_PIXEL = (
     1.5  # cells of the finest grid per pixel; more make held-out views of small photographs worse
@@ -90,16 +97,23 @@ class HashField:
         check_batch(self)
         check_number(self.table_decay, "table_decay", low=0.0)
 
-    def build(self, rt: Runtime, frame: Frame, seed: int) -> HashNetwork:
-        """Return the field itself, with random parameters."""
-        return HashNetwork(rt, frame, seed, self)
+    def build(self, rt: Runtime, frame: Frame, seed: int, lit: bool = False) -> HashNetwork:
+        """Return the field itself, with random parameters; `lit` if its light changes."""
+        return HashNetwork(rt, frame, seed, self, lit)
 
 
 class HashNetwork(SampledField):
     """A field with the settings of a :class:`HashField`."""
 
-    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: HashField):
-        self.half = rt.matrix_dtype
+    def __init__(
+        self, rt: Runtime, frame: Frame, seed: int, settings: HashField, lit: bool = False
+    ):
+        if lit and settings.levels > MOST_LIT:
+            raise ValueError(
+                f"levels must be at most {MOST_LIT} for appearance='embedding', got "
+                f"{settings.levels}"
+            )
+        self.half, self.lit = rt.matrix_dtype, lit
         super().__init__(rt, frame, seed, settings)
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
@@ -117,11 +131,13 @@ class HashNetwork(SampledField):
         self.grids = rt.constant(resolutions), rt.constant(offsets)
         self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
         # The limits of Glorot and Bengio keep the variance of the features through the layers.
-        shapes = network_layers(2 * levels)
+        shapes = network_layers(2 * levels, lit)
         layers = [rng.uniform(-1, 1, s) * math.sqrt(6 / (s[0] + s[1])) for s in shapes]
         self.layers = Parameters(rt, np.concatenate([w.ravel() for w in layers]), self.half)
         self.d_features = rt.zeros((settings.samples, 2 * levels), self.half)
-        self.memory = rt.zeros(network_room(2 * levels, settings.samples, self.half == np.float16))
+        room = network_room(2 * levels, settings.samples, self.half == np.float16, lit)
+        self.memory = rt.zeros(room)
+        self._d_lights: Any = rt.zeros((settings.samples, LIGHT)) if lit else None
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def view_room(self, rays: int) -> int:
@@ -145,22 +161,29 @@ class HashNetwork(SampledField):
         """See :meth:`SampledField.evaluate`."""
         s = samples
         features = self._encode(s, s.total)
-        self._inputs = features, directions, s.rays, s.total, self.layers.copy
+        lights = self.lights if self.lit else ()
+        self._inputs = NetworkInputs(
+            features, directions, s.rays, s.total, self.layers.copy, *lights
+        )
         self.rt.radiance.fields.perceptron.network.forward(
-            *self._inputs, self.memory, s.sigma, s.rgb
+            self._inputs, self.memory, s.sigma, s.rgb
         )
 
     def evaluate_backward(self) -> None:
         """See :meth:`SampledField.evaluate_backward`."""
         s = self.samples
         self.rt.radiance.fields.perceptron.network.backward(
-            self.d_sigma, self.d_rgb, *self._inputs, s.sigma, s.rgb, self.memory,
-            self.d_features, self.layers.gradients,
+            self.d_sigma, self.d_rgb, self._inputs, s.sigma, s.rgb, self.memory,
+            self.d_features, self._d_lights, self.layers.gradients,
         )  # fmt: skip
         self.rt.radiance.fields.hash.backward(
             s.positions, s.total, *self.grids, self.d_features, self.table.sums
         )
         self.table.collect(self.rt)
+
+    def d_lights(self) -> Any:
+        """See :meth:`SampledField.d_lights`."""
+        return self._d_lights
 
     def _encode(self, samples: Samples, total: Any) -> Any:
         """Look up the features of the first `total` (1,) samples, and return them."""
@@ -175,6 +198,10 @@ class HashNetwork(SampledField):
         if self.rt.device != "cpu":
             self.gradient_scale = LIFT
             self.table.make_deterministic(self.rt)
+
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.table.gradients, self.layers.gradients]
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""

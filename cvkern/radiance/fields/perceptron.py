@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._checks import check_integer
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import AdamRule
+from cvkern.kernels.codes.radiance import LIGHT, AdamRule
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import SampledField, Samples, check_batch
@@ -103,9 +103,9 @@ class MLPField:
         check_integer(self.view_frequencies, "view_frequencies", 1, MOST_FREQUENCIES)
         check_batch(self)
 
-    def build(self, rt: Runtime, frame: Frame, seed: int) -> MLPNetwork:
-        """Return the field itself, with random parameters."""
-        return MLPNetwork(rt, frame, seed, self)
+    def build(self, rt: Runtime, frame: Frame, seed: int, lit: bool = False) -> MLPNetwork:
+        """Return the field itself, with random parameters; `lit` if its light changes."""
+        return MLPNetwork(rt, frame, seed, self, lit)
 
 
 class Layer(NamedTuple):
@@ -126,12 +126,17 @@ def encoded(frequencies: int) -> int:
     return -(-(3 + 6 * frequencies + 1) // PIECE) * PIECE
 
 
-def plan(settings: MLPField) -> list[Layer]:
+def light_column(settings: MLPField) -> int:
+    """Return the number of inputs of the colour layer before the light of the photograph."""
+    return settings.width + encoded(settings.view_frequencies)
+
+
+def plan(settings: MLPField, lit: bool = False) -> list[Layer]:
     """Return the layers, first to last.
 
     The encoded position is in the first columns of "position", and the output of layer `skip`
     follows it, so that the next layer reads both without a copy. "view" has the features of the
-    last layer, followed by the encoded direction.
+    last layer, followed by the encoded direction, and by the light of the photograph if `lit`.
     """
     s, place = settings, encoded(settings.frequencies)
     found, source, depth = [], "position", place
@@ -143,7 +148,7 @@ def plan(settings: MLPField) -> list[Layer]:
     return [
         *found,
         Layer(source, depth, "view", 0, s.width, False),
-        Layer("view", s.width + encoded(s.view_frequencies), "color", 0, half, True),
+        Layer("view", light_column(s) + LIGHT * lit, "color", 0, half, True),
         Layer("color", half, "raw", 0, PIECE, False),
     ]
 
@@ -165,8 +170,8 @@ def initial(layers: list[Layer], seed: int) -> list[np.ndarray]:
 class MLPNetwork(SampledField):
     """A field with the settings of an :class:`MLPField`."""
 
-    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: MLPField):
-        self.layers, self.half = plan(settings), rt.matrix_dtype
+    def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: MLPField, lit: bool = False):
+        self.layers, self.half, self.lit = plan(settings, lit), rt.matrix_dtype, lit
         self.widths: dict[str, int] = {}
         for a in self.layers:
             self.widths[a.source] = max(self.widths.get(a.source, 0), a.depth)
@@ -186,6 +191,7 @@ class MLPNetwork(SampledField):
         places = {name: (n % 2, width) for n, (name, width) in enumerate(self.widths.items())}
         pool = {p: rt.zeros((settings.samples, p[1]), self.half) for p in set(places.values())}
         self.gradients = {name: pool[place] for name, place in places.items()}
+        self._d_lights: Any = rt.zeros((settings.samples, LIGHT)) if lit else None
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def inner(self, room: int) -> dict[str, Any]:
@@ -213,6 +219,11 @@ class MLPNetwork(SampledField):
         rt.radiance.encodings.gather(
             views, samples.rays, samples.total, self.settings.width, samples.inner["view"]
         )
+        if self.lit:
+            rt.radiance.embeddings.gather(
+                self.lights.table, self.lights.views, samples.rays, samples.total,
+                light_column(self.settings), samples.inner["view"],
+            )  # fmt: skip
         self._forward(self.layers, samples, samples.total)
 
     def _encode_positions(self, samples: Samples, total: Any) -> None:
@@ -249,10 +260,22 @@ class MLPNetwork(SampledField):
                 rt.radiance.fields.perceptron.layers.backward_input(
                     dy, w, x, total, gated, a.column, g[a.source]
                 )
+            if a.source == "view" and self.lit:
+                rt.radiance.embeddings.copy(
+                    g["view"], total, light_column(self.settings), self._d_lights
+                )
             if a.source == "view":
                 rt.radiance.fields.perceptron.heads.density_backward(
                     self.d_sigma, s.sigma, total, g["view"]
                 )
+
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.parameters.gradients]
+
+    def d_lights(self) -> Any:
+        """See :meth:`SampledField.d_lights`."""
+        return self._d_lights
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""

@@ -186,6 +186,10 @@ class PlaneStack(Field):
         )
         learnt.collect(self.rt)
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self._learnt().gradients]
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         s, p = self.settings, self._learnt()

@@ -223,6 +223,10 @@ class VoxelGrid(Field):
             for sums, array in zip(self._sums, (self.d_density, self.d_color), strict=True):
                 self.rt.radiance.training.adam.collect(flat(sums), flat(array))
 
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [self.d_density, self.d_color, self.touched]
+
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         s, nodes = self.settings, self.rt.radiance.fields.voxel.nodes

@@ -124,6 +124,7 @@ def _spread(poses: np.ndarray, pose: np.ndarray) -> np.ndarray:
     away = np.linalg.norm(eyes - pose[:, 3], axis=1)
     inner = np.flatnonzero(away <= max(np.median(away), np.sort(away)[min(2, len(away) - 1)]))
     chosen = [int(inner[away[inner].argmin()])]
+    # Each round adds one.
     while len(chosen) < min(VIEWS, len(inner)):
         gaps = np.linalg.norm(eyes[inner, None] - eyes[None, chosen], axis=2).min(axis=1)
         chosen.append(int(inner[gaps.argmax()]))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from cvkern.radiance.scenes.photographs import (
     every,
     focus_of,
     read_images,
+    refuse_outside,
     shrunk,
 )
 
@@ -172,12 +172,8 @@ def _photograph(
     name = frame.get(key)
     if not isinstance(name, str):
         raise ValueError(f"{file} must give {key} for each frame, got {name!r} in {number}")
-    beyond = Path(name).is_absolute() or ".." in Path(os.path.normpath(name)).parts
-    if beyond and not outside:
-        raise ValueError(
-            f"{file} must name photographs in its folder, got {name!r:.80} in {number}: "
-            "load_scene(..., outside=True) reads it"
-        )
+    if not outside:
+        refuse_outside(file, name, number)
     stem = file.parent / name
     for suffix in SUFFIXES:
         try:

@@ -18,6 +18,7 @@ from cvkern.radiance.scenes.photographs import (
     every,
     focus_of,
     read_images,
+    refuse_outside,
     shrunk,
     view_directions,
 )
@@ -37,7 +38,7 @@ Lens = tuple[str, int, int, tuple[float, ...]]  # model, width, height, paramete
 View = tuple[str, int, tuple[float, ...]]  # photograph, camera, quaternion and translation
 
 
-def load(file: Path, test_every: int) -> Scene:
+def load(file: Path, test_every: int, outside: bool = False) -> Scene:
     """Read a scene; see :func:`cvkern.radiance.load_scene`."""
     binary = file.suffix == ".bin"
     beside = {name: file.with_name(f"{name}{file.suffix}") for name in ("images", "points3D")}
@@ -56,6 +57,8 @@ def load(file: Path, test_every: int) -> Scene:
     views.sort()
     folder = _photographs(file)
     names = [name for name, _, _ in views]
+    for number, name in enumerate(() if outside else names):
+        refuse_outside(beside["images"], name, number)
     images = read_images([folder / name for name in names])
     height, width = images.shape[1:3]
     masks = read_masks(masks_beside(folder, names), height, width)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -194,12 +195,21 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     for name, file in formats:
         if file.exists():
             module = importlib.import_module(f"cvkern.radiance.scenes.{name}")
-            more = (outside,) if name == "_blender" else ()
+            more = () if name == "_llff" else (outside,)  # it names no photographs
             return module.load(file, test_every, *more)
     raise FileNotFoundError(
         "path must hold transforms_train.json, transforms.json, poses_bounds.npy or a COLMAP "
         f"model, got {str(path)!r}"
     )
+
+
+def refuse_outside(file: Path, name: str, number: int) -> None:
+    """Refuse the name of a photograph that leads out of the folder that it is in."""
+    if Path(name).is_absolute() or ".." in Path(os.path.normpath(name)).parts:
+        raise ValueError(
+            f"{file} must name photographs in its folder, got {name!r:.80} in {number}: "
+            "load_scene(..., outside=True) reads it"
+        )
 
 
 def read_images(files: list[Path]) -> np.ndarray:
@@ -210,7 +220,13 @@ def read_images(files: list[Path]) -> np.ndarray:
         raise ValueError("scene must have at least one photograph, got none")
     found = []
     for file in files:
-        if not file.exists():
+        try:
+            there = file.exists()
+        except OSError as error:  # a name that is too long
+            raise ValueError(
+                f"scene must name photographs, got {file.name!r:.80}: {error.strerror}"
+            ) from None
+        if not there:
             raise FileNotFoundError(f"scene must have all its photographs, but {file} is missing")
         image = _as_bytes(
             read_image(file, orient=False), file

@@ -6,7 +6,7 @@ C',
 
     dL/dC = G + A^T G,    dL/dO += <G, b>,    dL/dA = G C^T,    dL/db = O G.
 
-One thread adds the gradients of a photograph, in the order of the rays.
+The gradients of a photograph are added as those of :mod:`.embeddings`.
 """
 
 import numpy as np
@@ -14,8 +14,11 @@ import taichi as ti
 
 from cvkern.kernels.taichi._launch import primitive
 
+from . import embeddings
+
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
@@ -58,17 +61,19 @@ def _sum(
     views: i32_1,  # (R,)
     active: i32_1,  # (1,)
     # outputs
-    d_table: f32_2,  # (N, 12)
+    parts: f32_3,  # (P, N, 12)
 ):
-    for view in range(d_table.shape[0]):
+    for part, view in ti.ndrange(parts.shape[0], parts.shape[1]):
         for k in range(12):
-            d_table[view, k] = 0.0
-        for ray in range(ti.min(active[0], views.shape[0])):
+            parts[part, view, k] = 0.0
+        ray = part
+        while ray < ti.min(active[0], views.shape[0]):
             if views[ray] == view:
                 for k in ti.static(range(3)):
                     for i in ti.static(range(3)):
-                        d_table[view, 4 * k + i] += d_color[ray, k] * color[ray, i]
-                    d_table[view, 4 * k + 3] += d_color[ray, k] * opacity[ray]
+                        parts[part, view, 4 * k + i] += d_color[ray, k] * color[ray, i]
+                    parts[part, view, 4 * k + 3] += d_color[ray, k] * opacity[ray]
+            ray += parts.shape[0]
 
 
 @ti.kernel
@@ -98,12 +103,14 @@ def backward(
     active: np.ndarray,
     d_color: np.ndarray,
     d_opacity: np.ndarray,
+    parts: np.ndarray,
     d_table: np.ndarray,
 ) -> None:
     """Turn gradients by mapped colours, `d_color` (R, 3), into those by colours, in place.
 
     The other arguments are those of :func:`apply`, of which the first `active` (1,) rays count.
-    `d_opacity` (R,) is added to, `d_table` (N, 12) is filled.
+    `d_opacity` (R,) is added to, `d_table` (N, 12) is filled; `parts` (P, N, 12) is working memory.
     """
-    _sum(d_color, color, opacity, views, active, d_table)
+    _sum(d_color, color, opacity, views, active, parts)
+    embeddings.sum_parts(parts, d_table)
     _back(views, table, active, d_color, d_opacity)

@@ -6,6 +6,9 @@ spaced references give the bands of the result: at a pixel whose smoothed value 
 them, those of both, by its distance. Planes of a level are these, the image's own, and the result.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 import taichi as ti
 
@@ -76,9 +79,13 @@ def _reduce(src: f32_3, planes: ti.i32, zero: ti.i32, dst: f32_3):
 
 
 @primitive
-def reduce(src: np.ndarray, planes: int, dst: np.ndarray) -> None:
-    """Smooth the first planes, and keep every second row and column; one thread a value."""
-    _reduce(src, planes, 0, dst)
+def reduce(levels: Sequence[np.ndarray], planes: int) -> None:
+    """Make the first planes of each level from the next larger one, which comes before it.
+
+    They are smoothed, and every second row and column is kept. One thread a value.
+    """
+    for src, dst in pairwise(levels):
+        _reduce(src, planes, 0, dst)
 
 
 @ti.kernel
@@ -115,19 +122,24 @@ def _collapse(
 
 @primitive
 def collapse(
-    fine: np.ndarray,
-    coarse: np.ndarray,
-    below: int,
-    share: float,
+    levels: Sequence[np.ndarray],
     lowest: float,
     step: float,
     sigma: float,
     slope: float,
     out: np.ndarray,
 ) -> None:
-    """Add the bands of a level, between references, to plane `below` of the smaller level.
+    """Add the bands of all levels, between references, from the smallest to the image itself.
 
-    That plane counts by its share. The result is the last plane of `out`. With `sigma` above 0, the
-    level is the image itself, of one plane. One thread a pixel.
+    The first level is the image, of one plane. The smallest counts by `slope`, as it is. Results
+    stand in the last plane of each level, and of the image in `out`. One thread a pixel.
     """
-    _collapse(fine, coarse, below, share, lowest, step, sigma, slope, 0, out)
+    references = levels[-1].shape[0] - 2
+    below, share = references, slope
+    for n in range(len(levels) - 2, -1, -1):
+        fine, coarse = levels[n], levels[n + 1]
+        _collapse(
+            fine, coarse, below, share, lowest, step, 0.0 if n else sigma, slope, 0,
+            fine if n else out,
+        )  # fmt: skip
+        below, share = references + 1, 1.0

@@ -7,6 +7,9 @@ smoothed as much as the level. Values may leave 0 to 1 a little; within KNEE of 
 beyond, they are bent by an exponential.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
+
 import numpy as np
 import taichi as ti
 
@@ -20,7 +23,6 @@ from cvkern.kernels.taichi.raw._pyramid import weigh as five
 
 any_4 = ti.types.ndarray(ndim=4)  # u8 or f32
 f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
-f32_4 = ti.types.ndarray(dtype=ti.f32, ndim=4)
 
 STEEP = 1 / KNEE
 THIRD = float(np.float32(1) / np.float32(3))
@@ -120,8 +122,10 @@ def weigh(
 
 
 @ti.kernel
-def _begin(frames: any_4, scale: ti.f32, weights: f32_3, zero: ti.i32, dst: f32_4):
-    for k, c, y, x in dst:
+def _begin(frames: any_4, scale: ti.f32, weights: f32_3, zero: ti.i32, dst: f32_3):
+    planes = frames.shape[3] + 1
+    for j, y, x in ti.ndrange(frames.shape[0] * planes, dst.shape[1], dst.shape[2]):
+        k, c = j // planes, j % planes
         line = ti.Vector([0.0, 0.0, 0.0, 0.0, 0.0])
         for t in ti.static(range(5)):
             u = mirror(2 * x + t - 2, frames.shape[2])
@@ -134,42 +138,45 @@ def _begin(frames: any_4, scale: ti.f32, weights: f32_3, zero: ti.i32, dst: f32_
                     column[r] = weights[k, v, u]
             line[t] = five(column[0], column[1], column[2], column[3], column[4], zero)
         found = five(line[0], line[1], line[2], line[3], line[4], zero)
-        dst[k, c, y, x] = product(found, scale, zero) if c < frames.shape[3] else found
+        dst[j, y, x] = product(found, scale, zero) if c < frames.shape[3] else found
 
 
 @primitive
 def begin(frames: np.ndarray, scale: float, weights: np.ndarray, dst: np.ndarray) -> None:
-    """Write the first smaller level (K, C + 1, h, w) of the channels and of the weights.
+    """Write the first smaller level of the channels and of the weights, K times C + 1 planes.
 
-    One thread a value.
+    C planes more are for the result. One thread a value.
     """
     _begin(frames, scale, weights, 0, dst)
 
 
 @ti.kernel
-def _blend(fine: f32_4, coarse: f32_3, alone: ti.i32, below: f32_3, zero: ti.i32, out: f32_3):
-    for c, y, x in out:
-        height, width = out.shape[1], out.shape[2]
+def _blend(fine: f32_3, coarse: f32_3, channels: ti.i32, alone: ti.i32, zero: ti.i32):
+    height, width = fine.shape[1], fine.shape[2]
+    end = fine.shape[0] - channels
+    for c, y, x in ti.ndrange(channels, height, width):
         total = 0.0
         if alone == 0:
-            total = enlarged(below, c, height, width, y, x, zero)
-        for k in range(fine.shape[0]):
-            band = fine[k, c, y, x]
+            total = enlarged(coarse, end + c, height, width, y, x, zero)
+        for k in range(end // (channels + 1)):
+            plane = k * (channels + 1)
+            band = fine[plane + c, y, x]
             if alone == 0:
-                band -= enlarged(coarse, k * fine.shape[1] + c, height, width, y, x, zero)
-            total += product(fine[k, out.shape[0], y, x], band, zero)
-        out[c, y, x] = total
+                band -= enlarged(coarse, plane + c, height, width, y, x, zero)
+            total += product(fine[plane + channels, y, x], band, zero)
+        fine[end + c, y, x] = total
 
 
 @primitive
-def blend(
-    fine: np.ndarray, coarse: np.ndarray, alone: int, below: np.ndarray, out: np.ndarray
-) -> None:
-    """Add the weighted bands of a level to the result `below`, (C, h, w), enlarged.
+def blend(levels: Sequence[np.ndarray], channels: int) -> None:
+    """Add the weighted bands of each level to the result of the next smaller one, enlarged.
 
-    The level that stands `alone` is its own band, and adds to nothing. One thread a value.
+    Results are the last planes of a level, one for each channel. The smallest level is its own
+    band. One thread a value.
     """
-    _blend(fine, coarse, alone, below, 0, out)
+    _blend(levels[-1], levels[-1], channels, 1, 0)
+    for coarse, fine in pairwise(levels[::-1]):
+        _blend(fine, coarse, channels, 0, 0)
 
 
 @ti.kernel
@@ -179,7 +186,6 @@ def _finish(
     weights: f32_3,
     coarse: f32_3,
     alone: ti.i32,
-    below: f32_3,
     zero: ti.i32,
     # outputs
     out: f32_3,
@@ -188,7 +194,8 @@ def _finish(
         height, width = out.shape[0], out.shape[1]
         total = 0.0
         if alone == 0:
-            total = enlarged(below, c, height, width, y, x, zero)
+            below = frames.shape[0] * (out.shape[2] + 1) + c
+            total = enlarged(coarse, below, height, width, y, x, zero)
         for k in range(frames.shape[0]):
             band = _value(frames, k, y, x, c, scale, zero)
             if alone == 0:
@@ -210,11 +217,10 @@ def finish(
     weights: np.ndarray,
     coarse: np.ndarray,
     alone: int,
-    below: np.ndarray,
     out: np.ndarray,
 ) -> None:
     """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C).
 
-    One thread a value.
+    Frames that stand `alone` have no smaller level. One thread a value.
     """
-    _finish(frames, scale, weights, coarse, alone, below, 0, out)
+    _finish(frames, scale, weights, coarse, alone, 0, out)

@@ -8,6 +8,7 @@ from cvkern.kernels.codes.recognition import (
     KERNEL_ONE,
     OCTAVE,
     SHARE_BITS,
+    UNIT,
     Frame,
     Occurrences,
     Patches,
@@ -25,6 +26,9 @@ from cvkern.kernels.taichi.recognition.votes import (
     _scaled,
 )
 
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
+f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f64_2 = ti.types.ndarray(dtype=ti.f64, ndim=2)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
@@ -45,8 +49,9 @@ def paint_figures(
     modes: np.ndarray,
     balance: np.ndarray,
 ) -> None:
-    """Add up, for each of T modes, what its votes say of the pixels of their patches.
+    """Add up, for each of the first T modes, what its votes say of the pixels of their patches.
 
+    The first row of `modes` (R + 1, 4) is their number, then come their rows, columns and scales.
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
     of the object at scale 0 with a margin. Pixels are the nearest ones. Patches of another size,
@@ -69,7 +74,7 @@ def _paint(
     factors: i32_1,
     given: i32_6,
     figures: u8_2,
-    modes: i32_2,  # (T, 4)
+    modes: i32_2,  # (R + 1, 4)
     # outputs
     balance: i32_3,  # (T, H, W)
 ):
@@ -77,13 +82,14 @@ def _paint(
     height = balance.shape[1]
     width = balance.shape[2]
     side = ti.cast(ti.sqrt(ti.cast(figures.shape[1], ti.f32)) + 0.5, ti.i32)
-    for t in range(modes.shape[0]):
+    for t in range(balance.shape[0]):
         for row, column in ti.ndrange(height, width):
             balance[t, row, column] = 0
-        mode = vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
+        mode = vec3i(modes[t + 1, 0], modes[t + 1, 1], modes[t + 1, 2])
         own = _factor(factors, lowest, mode[2])
         reach = _scaled(radius, own)
-        for i in range(places.shape[0]):
+        number = ti.select(t < modes[0, 0], places.shape[0], 0)
+        for i in range(number):
             place = vec3i(places[i, 0], places[i, 1], places[i, 2])
             apart = place - mode
             factor = _factor(factors, lowest, place[2])
@@ -122,7 +128,8 @@ def _paint(
 def spread_figures(balance: np.ndarray, modes: np.ndarray, space: Space, masks: np.ndarray) -> None:
     """Set the pixels of an image that are of the object of each mode; a thread a pixel.
 
-    `masks` (T, H, W) are 1 where the balance, linear between its pixels, is above 0.
+    `modes` are those of :func:`paint_figures`. `masks` (T, H, W) are 1 where the balance, linear
+    between its pixels, is above 0.
     """
     _spread(balance, modes, space.factors, space.lowest, masks)
 
@@ -145,9 +152,9 @@ def _spread(
     masks: u8_3,
 ):
     for t, row, column in masks:
-        factor = _factor(factors, lowest, modes[t, 2])
-        y = _below(FINE * row - modes[t, 0], factor) + FINE * (balance.shape[1] - 1) // 2
-        x = _below(FINE * column - modes[t, 1], factor) + FINE * (balance.shape[2] - 1) // 2
+        factor = _factor(factors, lowest, modes[t + 1, 2])
+        y = _below(FINE * row - modes[t + 1, 0], factor) + FINE * (balance.shape[1] - 1) // 2
+        x = _below(FINE * column - modes[t + 1, 1], factor) + FINE * (balance.shape[2] - 1) // 2
         top = y // FINE
         left = x // FINE
         down = y - FINE * top
@@ -157,3 +164,49 @@ def _spread(
             balance, t, top + 1, left + 1
         )
         masks[t, row, column] = ti.cast((FINE - down) * upper + down * lower > 0, ti.u8)
+
+
+@primitive
+def describe_objects(
+    modes: np.ndarray,
+    sizes: np.ndarray,
+    lowest: int,
+    bias: int,
+    boxes: np.ndarray,
+    scores: np.ndarray,
+    centers: np.ndarray,
+    scales: np.ndarray,
+) -> None:
+    """Describe N objects in pixels and in float32: their boxes, scores, centers and scales.
+
+    `modes` are those of :func:`paint_figures`, with the evidence of each. `sizes` (F, 3) float64
+    are the scale, half the height and half the width of a box at each scale from `lowest` on.
+    `bias` is added to the evidence, which is in parts of `UNIT`.
+    """
+    _describe(modes, sizes, lowest, bias, boxes, scores, centers, scales)
+
+
+@ti.kernel
+def _describe(
+    modes: i32_2,  # (R + 1, 4)
+    sizes: f64_2,  # (F, 3)
+    lowest: ti.i32,
+    bias: ti.i32,
+    # outputs
+    boxes: f32_2,  # (N, 4)
+    scores: f32_1,
+    centers: f32_2,  # (N, 2)
+    scales: f32_1,
+):
+    for n in range(scores.shape[0]):
+        size = ti.min(ti.max(modes[n + 1, 2] - lowest, 0), sizes.shape[0] - 1)
+        evidence = ti.cast(ti.cast(modes[n + 1, 3], ti.i64) + bias, ti.f64)
+        # Factors are powers of two: these products are exact.
+        scores[n] = ti.cast(evidence * ti.cast(1 / UNIT, ti.f64), ti.f32)
+        scales[n] = ti.cast(sizes[size, 0], ti.f32)
+        for k in range(2):
+            center = ti.cast(modes[n + 1, k], ti.f64) * ti.cast(1 / FINE, ti.f64)
+            middle = center + 0.5
+            boxes[n, k] = ti.cast(middle - sizes[size, k + 1], ti.f32)
+            boxes[n, k + 2] = ti.cast(middle + sizes[size, k + 1], ti.f32)
+            centers[n, k] = ti.cast(center, ti.f32)

@@ -8,13 +8,16 @@ layer takes the patches of the level whose scale is nearest to its own.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.recognition import NOBODY, Frame, Patches, Space
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.recognition import CLIMBED, FINE, NOBODY, Frame, Patches, Space
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi.recognition.votes import _below, _factor, _scaled
 
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+i64_1 = ti.types.ndarray(dtype=ti.i64, ndim=1)
 i32_two = ti.types.vector(2, ti.i32)
+vec3i = ti.types.vector(3, ti.i32)
 
 
 @ti.func
@@ -48,26 +51,23 @@ def _evidence(
     levels: ti.template(),
     matches: ti.template(),
     weights: ti.template(),
-    modes: ti.template(),
-    t: ti.i32,
-    by: ti.i32,
+    mode: vec3i,
+    bounded: ti.i32,
+    by: vec3i,
     factors: ti.template(),
     lowest: ti.i32,
     layers: ti.template(),
     box: ti.template(),
 ) -> ti.i32:
-    """Return the evidence for mode t; if `by` is not -1, only that of patches in its box, too."""
+    """Return the evidence for a mode; if bounded, only that of patches in another's box."""
     total = 0
-    y = modes[t, 0]
-    x = modes[t, 1]
-    other = by
-    if by < 0:
-        other = t
-    wide = _factor(factors, lowest, modes[other, 2])
+    y = mode[0]
+    x = mode[1]
+    wide = _factor(factors, lowest, by[2])
     high = _scaled(box[0], wide)
     broad = _scaled(box[1], wide)
     for b in range(layers.shape[0]):
-        level = _level(levels, modes[t, 2] + layers[b, 4])
+        level = _level(levels, mode[2] + layers[b, 4])
         factor = _factor(factors, lowest, levels[level, 0])
         height = _scaled(layers[b, 0], factor) + 1
         width = _scaled(layers[b, 1], factor) + 1
@@ -79,9 +79,9 @@ def _evidence(
                     cell = -1
                     if ti.abs(dx) <= width:
                         cell = _cell(layers, b, dy, dx, factor)
-                    if by >= 0:
-                        above = ti.abs(places[i, 0] - modes[other, 0]) > high
-                        beside = ti.abs(places[i, 1] - modes[other, 1]) > broad
+                    if bounded == 1:
+                        above = ti.abs(places[i, 0] - by[0]) > high
+                        beside = ti.abs(places[i, 1] - by[1]) > broad
                         if above or beside:
                             cell = -1
                     if cell >= 0:
@@ -89,6 +89,11 @@ def _evidence(
                             if matches[i, m] != NOBODY:
                                 total += weights[matches[i, m], cell]
     return total
+
+
+@ti.func
+def _place(modes: ti.template(), t: ti.i32) -> vec3i:
+    return vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
 
 
 @primitive
@@ -100,7 +105,7 @@ def weigh_evidence(
     modes: np.ndarray,
     evidence: np.ndarray,
 ) -> None:
-    """Add up the evidence of all patches for each of T modes; a thread a mode.
+    """Add up the evidence of all patches for each of T modes; modes of density 0 have none.
 
     `weights` (K, cells) are those of each word, cells row by row.
     """
@@ -132,9 +137,13 @@ def _weigh(
     evidence: i32_1,
 ):
     for t in range(modes.shape[0]):
-        evidence[t] = _evidence(
-            places, rows, levels, matches, weights, modes, t, -1, factors, lowest, layers, box
-        )
+        total = 0
+        if modes[t, 3] > 0:
+            mode = _place(modes, t)
+            total = _evidence(
+                places, rows, levels, matches, weights, mode, 0, mode, factors, lowest, layers, box
+            )
+        evidence[t] = total
 
 
 @primitive
@@ -148,7 +157,7 @@ def weigh_overlaps(
 ) -> None:
     """Add up the evidence for mode i of the patches in the box of mode j, (T, T); a thread a pair.
 
-    The box is that of the mode's scale.
+    The box is that of the mode's scale. Modes of density 0 have no evidence, and share none.
     """
     _weigh_pairs(
         *patches,
@@ -178,6 +187,199 @@ def _weigh_pairs(
     shared: i32_2,
 ):
     for i, j in shared:
-        shared[i, j] = _evidence(
-            places, rows, levels, matches, weights, modes, i, j, factors, lowest, layers, box
-        )
+        total = 0
+        if modes[i, 3] > 0 and modes[j, 3] > 0:
+            mode, by = _place(modes, i), _place(modes, j)
+            total = _evidence(
+                places, rows, levels, matches, weights, mode, 1, by, factors, lowest, layers, box
+            )
+        shared[i, j] = total
+
+
+@primitive
+def climb_modes(
+    patches: Patches,
+    weights: np.ndarray,
+    space: Space,
+    frame: Frame,
+    step: int,
+    least: int,
+    modes: np.ndarray,
+    evidence: np.ndarray,
+    moved: np.ndarray,
+    found: np.ndarray,
+) -> None:
+    """Move each of T modes to the place with most evidence among its own and eight round it.
+
+    Those are `step` pixels of the model away; the first wins a tie: the mode's own, then those to
+    the left and right, then those above, then those below. A mode whose `evidence` (T,) is below
+    `least` gets density 0. `found` (T,) is the evidence there.
+    """
+    around = scratch((modes.shape[0], CLIMBED, 4), np.int32)
+    _look_around(space.factors, space.lowest, step, least, modes, evidence, around)
+    flat = around.reshape((modes.shape[0] * CLIMBED, 4))
+    total = scratch((flat.shape[0],), np.int32)
+    weigh_evidence(patches, weights, space, frame, flat, total)
+    _climb(flat, total, least, modes, evidence, moved, found)
+
+
+@ti.kernel
+def _look_around(
+    factors: i32_1,
+    lowest: ti.i32,
+    step: ti.i32,
+    least: ti.i32,
+    modes: i32_2,
+    evidence: i32_1,
+    # outputs
+    around: i32_3,  # (T, 9, 4)
+):
+    for t in range(modes.shape[0]):
+        apart = _scaled(FINE * step, _factor(factors, lowest, modes[t, 2]))
+        for k in range(CLIMBED):
+            # 0, then before, then behind
+            down = 0
+            along = 0
+            if k // 3 > 0:
+                down = 2 * (k // 3) - 3
+            if k % 3 > 0:
+                along = 2 * (k % 3) - 3
+            around[t, k, 0] = modes[t, 0] + down * apart
+            around[t, k, 1] = modes[t, 1] + along * apart
+            around[t, k, 2] = modes[t, 2]
+            around[t, k, 3] = ti.select(evidence[t] >= least, modes[t, 3], 0)
+
+
+@ti.kernel
+def _climb(
+    around: i32_2,  # (9 T, 4)
+    total: i32_1,
+    least: ti.i32,
+    modes: i32_2,
+    evidence: i32_1,
+    # outputs
+    moved: i32_2,
+    found: i32_1,
+):
+    for t in range(modes.shape[0]):
+        top = evidence[t]
+        best = CLIMBED * t
+        if around[best, 3] > 0:
+            for k in range(CLIMBED):
+                if total[CLIMBED * t + k] > top:
+                    top = total[CLIMBED * t + k]
+                    best = CLIMBED * t + k
+        for k in range(4):
+            moved[t, k] = around[best, k]
+        found[t] = top
+
+
+@primitive
+def rank_modes(
+    modes: np.ndarray, evidence: np.ndarray, least: int, ranked: np.ndarray, savings: np.ndarray
+) -> None:
+    """List the R modes with most evidence, at least `least`, and that evidence (R,).
+
+    Of equal evidence the first wins, by row, column and scale. Rows of `ranked` (R, 4) behind the
+    last are 0; modes of density 0 are not ranked.
+    """
+    _rank(modes, evidence, least, ranked, savings)
+
+
+@ti.func
+def _is_before(modes: ti.template(), i: ti.i32, t: ti.i32) -> ti.i32:
+    """Return 1 if mode i is before mode t by row, column and scale."""
+    found = ti.cast(modes[i, 2] < modes[t, 2], ti.i32)
+    if modes[i, 1] != modes[t, 1]:
+        found = ti.cast(modes[i, 1] < modes[t, 1], ti.i32)
+    if modes[i, 0] != modes[t, 0]:
+        found = ti.cast(modes[i, 0] < modes[t, 0], ti.i32)
+    return found
+
+
+@ti.kernel
+def _rank(
+    modes: i32_2,
+    evidence: i32_1,
+    least: ti.i32,
+    # outputs
+    ranked: i32_2,  # (R, 4)
+    savings: i32_1,
+):
+    for r in range(savings.shape[0]):
+        savings[r] = 0
+        for k in range(4):
+            ranked[r, k] = 0
+    for t in range(modes.shape[0]):
+        own = evidence[t]
+        if modes[t, 3] > 0 and own >= least:
+            rank = 0
+            for i in range(modes.shape[0]):
+                if modes[i, 3] > 0:
+                    if evidence[i] > own or (evidence[i] == own and _is_before(modes, i, t) == 1):
+                        rank += 1
+            if rank < savings.shape[0]:
+                for k in range(4):
+                    ranked[rank, k] = modes[t, k]
+                savings[rank] = own
+
+
+@primitive
+def explain_modes(
+    ranked: np.ndarray,
+    savings: np.ndarray,
+    shared: np.ndarray,
+    starts: np.ndarray,
+    least: int,
+    found: np.ndarray,
+) -> None:
+    """Choose hypotheses by minimum description length.
+
+    Each of R ranked modes saves its evidence, and loses what it shares (R, R) with those chosen
+    before, if that is positive. The one with most evidence left is chosen next, while it has at
+    least `least`; the first wins a tie. The first row of `found` (R + 1, 4) is the number of modes
+    chosen, and the number of votes at the end of `starts`; then come the row, column, scale and
+    remaining evidence of each, and zeros.
+    """
+    left = scratch(savings.shape, np.int64)
+    _explain(ranked, savings, shared, starts, least, left, found)
+
+
+@ti.kernel
+def _explain(
+    ranked: i32_2,
+    savings: i32_1,
+    shared: i32_2,
+    starts: i32_1,
+    least: ti.i32,
+    # outputs
+    left: i64_1,
+    found: i32_2,  # (R + 1, 4)
+):
+    for _ in range(1):
+        count = 0
+        for i in range(savings.shape[0]):
+            left[i] = savings[i]
+            count += ti.cast(ranked[i, 3] > 0, ti.i32)
+        for i in range(found.shape[0]):
+            for k in range(4):
+                found[i, k] = 0
+        chosen = 0
+        best = 0
+        while best >= 0:
+            best = -1
+            most = ti.cast(least, ti.i64) - 1
+            for i in range(count):
+                if left[i] > most:
+                    most = left[i]
+                    best = i
+            if best >= 0:
+                chosen += 1
+                for k in range(3):
+                    found[chosen, k] = ranked[best, k]
+                found[chosen, 3] = ti.cast(most, ti.i32)
+                for i in range(count):
+                    left[i] -= ti.max(shared[i, best], 0)
+                left[best] = ti.cast(least, ti.i64) - 1
+        found[0, 0] = chosen
+        found[0, 1] = starts[starts.shape[0] - 1]

@@ -198,7 +198,10 @@ def list_votes(
     starts: np.ndarray,
     votes: np.ndarray,
 ) -> None:
-    """List the votes of each cell with room, in any order: V rows of place, scale and weight."""
+    """List the votes of each cell with room, in any order: V rows of place, scale and weight.
+
+    Cells whose votes would lie behind the last row are left out.
+    """
     places, _, _, matches = patches
     counts = scratch((starts.shape[0],), np.int32)
     _list(places, matches, *occurrences, *space, starts, counts, votes)
@@ -233,7 +236,8 @@ def _list(
                 c = _cell(bins, _bin(bins, scale, slack), y, x)
                 wanted = 0
                 if c >= 0:
-                    wanted = ti.cast(starts[c + 1] > starts[c], ti.i32)
+                    begin, end = starts[c], starts[c + 1]
+                    wanted = ti.cast(end > begin and end <= votes.shape[0], ti.i32)
                 if wanted == 1:
                     at = starts[c] + ti.atomic_add(counts[c], 1)
                     votes[at, 0] = y
@@ -289,6 +293,59 @@ def _find(
 
 
 @primitive
+def select_maxima(maxima: np.ndarray, highest: np.ndarray) -> None:
+    """List the M largest of T maxima with a value above 0, in their order.
+
+    Of equal values the first are taken. Rows of `highest` (M, 4) behind the last are `NOBODY`.
+    """
+    _select(maxima, highest)
+
+
+@ti.func
+def _number_above(maxima: ti.template(), least: ti.i32) -> ti.i32:
+    """Return how many maxima have at least a value."""
+    found = 0
+    for t in range(maxima.shape[0]):
+        found += ti.cast(maxima[t, 3] >= least, ti.i32)
+    return found
+
+
+@ti.kernel
+def _select(
+    maxima: i32_2,  # (T, 4)
+    # outputs
+    highest: i32_2,  # (M, 4)
+):
+    for _ in range(1):
+        # Bisection finds the largest value that at least M maxima have.
+        most = highest.shape[0]
+        least = 1
+        top = 0
+        for t in range(maxima.shape[0]):
+            top = ti.max(top, maxima[t, 3])
+        while least < top:
+            middle = least + (top - least) // 2 + 1
+            if _number_above(maxima, middle) >= most:
+                least = middle
+            else:
+                top = middle - 1
+        room = most
+        for t in range(maxima.shape[0]):
+            room -= ti.cast(maxima[t, 3] > least, ti.i32)
+        place = 0
+        for t in range(maxima.shape[0]):
+            value = maxima[t, 3]
+            if value > least or (value == least and room > 0):
+                for k in range(4):
+                    highest[place, k] = maxima[t, k]
+                place += 1
+                room -= ti.cast(value == least, ti.i32)
+        for t in range(place, most):
+            for k in range(4):
+                highest[t, k] = NOBODY
+
+
+@primitive
 def shift_modes(
     votes: np.ndarray,
     starts: np.ndarray,
@@ -340,7 +397,8 @@ def _shift(
                     above, below, before, behind = _span(bins, s, y, x, reach)
                     for row in range(above, below):
                         cell = bins[s, 0] + row * bins[s, 2]
-                        for v in range(starts[cell + before], starts[cell + behind]):
+                        end = ti.min(starts[cell + behind], votes.shape[0])
+                        for v in range(starts[cell + before], end):
                             apart = vec3i(votes[v, 0] - y, votes[v, 1] - x, votes[v, 2] - z)
                             height = _kernel_at(apart, reach, scales)
                             if height > 0:
@@ -364,3 +422,39 @@ def _shift(
         modes[t, 1] = x
         modes[t, 2] = z
         modes[t, 3] = ti.cast(density // KERNEL_ONE, ti.i32)
+
+
+@primitive
+def single_modes(modes: np.ndarray, spans: np.ndarray, lowest: int, single: np.ndarray) -> None:
+    """Copy M modes; those outside of their span, or not the first at a place, get density 0.
+
+    `spans` (F, 4) are the least row and column, and the largest, at each scale from `lowest` on; if
+    there are none, all places are inside. A mode of density 0 is none.
+    """
+    _keep_single(modes, spans, lowest, single)
+
+
+@ti.kernel
+def _keep_single(
+    modes: i32_2,
+    spans: i32_2,
+    lowest: ti.i32,
+    # outputs
+    single: i32_2,
+):
+    for t in range(modes.shape[0]):
+        place = vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
+        density = modes[t, 3]
+        if density > 0 and spans.shape[0] > 0:
+            f = ti.min(ti.max(place[2] - lowest, 0), spans.shape[0] - 1)
+            for k in ti.static(range(2)):
+                if place[k] < spans[f, k] or place[k] > spans[f, k + 2]:
+                    density = 0
+        if density > 0:
+            for i in range(t):
+                same = modes[i, 0] == place[0] and modes[i, 1] == place[1]
+                if same and modes[i, 2] == place[2] and modes[i, 3] > 0:
+                    density = 0
+        for k in ti.static(range(3)):
+            single[t, k] = place[k]
+        single[t, 3] = density

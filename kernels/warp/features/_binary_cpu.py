@@ -60,33 +60,13 @@ def list_rows(
 ): ...
 
 
-@_native.func_native(FILE, **DESCRIBE)
-def describe_one(
-    k: int,
-    images: wp.array2d[wp.int64],
-    cells: wp.array2d[int],
-    pattern: wp.array3d[wp.int16],
-    upright: int,
-    angles: wp.array[float],
-    descriptors: wp.array2d[wp.uint8],
-): ...
-
-
-@_native.func_native(FILE)
-def round_row(row: int, src: wp.array2d[float], dst: wp.array2d[wp.uint8]): ...
-
-
-@wp.kernel
-def round_values(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE)
+def round_row(
+    row: int,
     src: wp.array2d[float],
     # outputs
     dst: wp.array2d[wp.uint8],
-):
-    for row in range(first, last):
-        round_row(row, src, dst)
+): ...
 
 
 @wp.kernel
@@ -135,11 +115,9 @@ def gather(
     list_rows(first, last, images, words, ends, cells, responses)
 
 
-@wp.kernel
-def describe(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE, **DESCRIBE)
+def describe_one(
+    k: int,
     images: wp.array2d[wp.int64],  # (O, 4)
     cells: wp.array2d[int],  # (N, 4)
     pattern: wp.array3d[wp.int16],  # (TURNS, PAIRS, 2)
@@ -147,6 +125,4 @@ def describe(
     # outputs
     angles: wp.array[float],
     descriptors: wp.array2d[wp.uint8],
-):
-    for k in range(first, last):
-        describe_one(k, images, cells, pattern, upright, angles, descriptors)
+): ...

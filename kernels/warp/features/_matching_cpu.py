@@ -15,53 +15,21 @@ LANES = 16
 ROWS = 8  # rows at once
 
 
-@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
+@_native.each(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
 def pack_group(
     group: int,
-    descriptors: wp.array2d[wp.uint8],
-    groups: wp.array2d[int],
-    binary: int,
-    packed: wp.array2d[wp.uint8],
-    norms: wp.array2d[int],
-): ...
-
-
-@_native.func_native(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
-def match_block(
-    block: int,
-    descriptors: wp.array2d[wp.uint8],
-    blocks: wp.array2d[int],
-    group_of: wp.array[int],
-    binary: int,
-    packed: wp.array2d[wp.uint8],
-    norms: wp.array2d[int],
-    best: wp.array[int],
-    second: wp.array[int],
-    index: wp.array[int],
-): ...
-
-
-@wp.kernel
-def pack(
-    slab: int,
-    first: int,
-    last: int,
     descriptors: wp.array2d[wp.uint8],  # (T, K)
     groups: wp.array2d[int],  # (G, 2): first row, count
     binary: int,
     # outputs
     packed: wp.array2d[wp.uint8],  # (G, 16 K)
     norms: wp.array2d[int],  # (G, 16)
-):
-    for group in range(first, last):
-        pack_group(group, descriptors, groups, binary, packed, norms)
+): ...
 
 
-@wp.kernel
-def match(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE, LANES=LANES, ROWS=ROWS, LARGEST=FARTHEST)
+def match_block(
+    block: int,
     descriptors: wp.array2d[wp.uint8],  # (T, K)
     blocks: wp.array2d[int],  # (B, 5)
     group_of: wp.array[int],  # (B,): the first group of its image
@@ -72,8 +40,4 @@ def match(
     best: wp.array[int],
     second: wp.array[int],
     index: wp.array[int],
-):
-    for block in range(first, last):
-        match_block(
-            block, descriptors, blocks, group_of, binary, packed, norms, best, second, index
-        )
+): ...

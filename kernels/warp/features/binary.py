@@ -28,7 +28,7 @@ def round_values(src: wp.array, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.round_values, dst.shape, [src], [dst])
         return
-    launch_slabs(cpu.round_values, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+    launch_slabs(cpu.round_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def shrink(images: Sequence[wp.array], starts: wp.array, weights: wp.array) -> None:
@@ -123,4 +123,4 @@ def describe_corners(
     if cells.device.is_cuda:
         launch(cuda.describe, count * cuda.THREADS, inputs, outputs, cuda.THREADS)
         return
-    launch_slabs(cpu.describe, count, slabs(count, 1000 * count), inputs, outputs)
+    launch_slabs(cpu.describe_one, count, slabs(count, 1000 * count), inputs, outputs)

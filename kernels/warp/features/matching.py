@@ -87,10 +87,10 @@ def find_nearest(
     packed = scratch("matching.packed", (number, cpu.LANES * size), wp.uint8, device)
     norms = scratch("matching.norms", (number, cpu.LANES), wp.int32, device)
     parts = slabs(number, number * cpu.LANES * size)
-    launch_slabs(cpu.pack, number, parts, [descriptors, table, binary], [packed, norms])
+    launch_slabs(cpu.pack_group, number, parts, [descriptors, table, binary], [packed, norms])
     work = int((others[:, 1] - others[:, 0]).sum()) * BLOCK_ROWS * size // 16
     inputs = [descriptors, blocks, group_of, binary, packed, norms]
-    launch_slabs(cpu.match, count, min(count, 4 * slabs(count, work)), inputs,
+    launch_slabs(cpu.match_block, count, min(count, 4 * slabs(count, work)), inputs,
                  [best, second, index])  # fmt: skip
 
 

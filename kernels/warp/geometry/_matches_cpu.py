@@ -12,13 +12,14 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 _FILE = "_matches_cpu.h"
 
 
-@_native.func_native(_FILE, BUCKET_BITS=11)
+@_native.each(_FILE, BUCKET_BITS=11)
 def sort_pair(
     pair: int,
     points0: wp.array2d[wp.float64],
     points1: wp.array2d[wp.float64],
     spans: wp.array2d[int],
     keys: wp.array[wp.uint64],
+    # outputs
     order: wp.array[int],
     places: wp.array[int],
     counts: wp.array[int],
@@ -26,7 +27,7 @@ def sort_pair(
 ): ...
 
 
-@_native.func_native(_FILE)
+@_native.each(_FILE)
 def scale_pair(
     pair: int,
     points0: wp.array2d[wp.float64],
@@ -36,43 +37,6 @@ def scale_pair(
     counts: wp.array[int],
     scales: wp.array3d[wp.float64],
     lanes: int,
+    # outputs
     matches: wp.array2d[float],
 ): ...
-
-
-@wp.kernel
-def sort_pairs(
-    slab: int,
-    first: int,
-    last: int,
-    points0: wp.array2d[wp.float64],
-    points1: wp.array2d[wp.float64],
-    spans: wp.array2d[int],
-    keys: wp.array[wp.uint64],
-    # outputs
-    order: wp.array[int],
-    places: wp.array[int],
-    counts: wp.array[int],
-    boxes: wp.array3d[wp.float64],
-):
-    for pair in range(first, last):
-        sort_pair(pair, points0, points1, spans, keys, order, places, counts, boxes)
-
-
-@wp.kernel
-def scale_pairs(
-    slab: int,
-    first: int,
-    last: int,
-    points0: wp.array2d[wp.float64],
-    points1: wp.array2d[wp.float64],
-    spans: wp.array2d[int],
-    order: wp.array[int],
-    counts: wp.array[int],
-    scales: wp.array3d[wp.float64],
-    lanes: int,
-    # outputs
-    matches: wp.array2d[float],
-):
-    for pair in range(first, last):
-        scale_pair(pair, points0, points1, spans, order, counts, scales, lanes, matches)

@@ -3,10 +3,10 @@
 
 #include "_lanes_cpu.h"
 
-// needs GROUP, PREVIEW, NO_COST, FLAT
+// needs KIND, GROUP, PREVIEW, NO_COST, FLAT
 // Find the model with the smallest preview in a group of hypotheses, the first of equal ones, and
 // score it on all matches.
-void best_of_group(int kind, int seed, int first, wp::array_t<float> matches, int start, int count,
+void best_of_group(int seed, int first, wp::array_t<float> matches, int start, int count,
                    float square, wp::array_t<double> known, int pair, int at,
                    wp::array_t<float> models, wp::array_t<int> costs) {
     const size_t pitch = matches.shape[1];
@@ -18,24 +18,25 @@ void best_of_group(int kind, int seed, int first, wp::array_t<float> matches, in
     for (int n = 0; n < GROUP; ++n) {
         double found[90];
         const int number =
-            Robust::solve(kind, x, pitch, count, seed, first + n, FLAT, of_pair, found);
+            Robust::solve(KIND, x, pitch, count, seed, first + n, FLAT, of_pair, found);
         for (int m = 0; m < number; ++m) {
             float h[9];
             for (int i = 0; i < 9; ++i) h[i] = (float)found[9 * m + i];
-            const int cost = Lanes::cost(kind, h, of_pair, x, pitch, previewed, square, support);
+            const int cost = Lanes::cost(KIND, h, of_pair, x, pitch, previewed, square, support);
             if (cost < least) {
                 least = cost;
                 for (int i = 0; i < 9; ++i) best[i] = h[i];
             }
         }
     }
-    if (least < NO_COST) least = Lanes::cost(kind, best, of_pair, x, pitch, count, square, support);
+    if (least < NO_COST) least = Lanes::cost(KIND, best, of_pair, x, pitch, count, square, support);
     for (int i = 0; i < 9; ++i) models.data[9 * (size_t)at + i] = best[i];
     costs.data[at] = least;
 }
 
+// needs KIND
 // Improve a model; the result stays unless it costs more than before by over a sixteenth.
-void improve(int kind, wp::array_t<float> matches, int start, int count, float square,
+void improve(wp::array_t<float> matches, int start, int count, float square,
              wp::array_t<double> known, int pair, wp::array_t<float> schedule, int at,
              wp::array_t<double> models, wp::array_t<int> scores) {
     const size_t pitch = matches.shape[1];
@@ -47,11 +48,11 @@ void improve(int kind, wp::array_t<float> matches, int start, int count, float s
     for (int i = 0; i < 9; ++i) h[i] = model[i];
     for (int round = 0; round < 2; ++round) {
         const int steps = round ? schedule.shape[0] : 0;
-        Lanes::improve(kind, of_pair, x, pitch, count, square, schedule.data, steps, h);
+        Lanes::improve(KIND, of_pair, x, pitch, count, square, schedule.data, steps, h);
         float f[9];
         for (int i = 0; i < 9; ++i) f[i] = (float)h[i];
         int support;
-        const int cost = Lanes::cost(kind, f, of_pair, x, pitch, count, square, support);
+        const int cost = Lanes::cost(KIND, f, of_pair, x, pitch, count, square, support);
         if (round == 0 || cost <= score[0] + (score[0] >> 4)) {
             score[0] = cost, score[1] = support;
             for (int i = 0; i < 9; ++i) model[i] = h[i];
@@ -59,15 +60,16 @@ void improve(int kind, wp::array_t<float> matches, int start, int count, float s
     }
 }
 
+// needs KIND
 // Tell which matches are closer to a model than the threshold.
-void mark_pair(int kind, wp::array_t<float> matches, int start, int count, float square,
+void mark_pair(wp::array_t<float> matches, int start, int count, float square,
                wp::array_t<double> known, int at, wp::array_t<double> models,
                wp::array_t<unsigned char> inliers) {
     const size_t pitch = matches.shape[1];
     const float* match = matches.data + start;
     float model[9], f[12];
     for (int i = 0; i < 9; ++i) model[i] = (float)models.data[9 * (size_t)at + i];
-    Robust::prepare(kind, model, known.data + known.shape[1] * (size_t)at, f);
+    Robust::prepare(KIND, model, known.data + known.shape[1] * (size_t)at, f);
     for (int i = 0; i < count; ++i)
-        inliers.data[start + i] = Robust::residual(kind, f, match + i, pitch) < square;
+        inliers.data[start + i] = Robust::residual(KIND, f, match + i, pitch) < square;
 }

@@ -25,13 +25,13 @@ def propose(given: Given, pairs: wp.array, draw: Draw, models: wp.array, costs: 
     group g. `models` are (A, G, 9) float32, `costs` (A, G) int32, `NO_COST` where all samples of a
     group are degenerate.
     """
-    inputs = [*given, pairs, wp.vec3i(*draw)]
     count = costs.shape[0] * costs.shape[1]
     if costs.device.is_cuda:
+        inputs = [*given, pairs, wp.vec3i(*draw)]
         launch(cuda.propose, cuda.threads(count), inputs, [models, costs], cuda.BLOCK)
     else:
-        elements = count * GROUP * _HYPOTHESIS
-        launch_each(cpu.propose, count, elements, inputs, [models, costs])
+        inputs, kernel = [*given, pairs, draw.seed, draw.first], cpu.kernels(draw.kind).propose
+        launch_each(kernel, count, count * GROUP * _HYPOTHESIS, inputs, [models, costs])
 
 
 def choose(models: wp.array, costs: wp.array, rows: wp.array, chosen: wp.array) -> None:
@@ -49,20 +49,22 @@ def refine(
     threshold; of maps all alike, else with weights that fall to 0 there. `scores` (A, L, 2) int32
     are the cost and the number of inliers of the result.
     """
-    inputs = [*given, pairs, kind, schedule]
     count = scores.shape[0] * scores.shape[1]
     if scores.device.is_cuda:
+        inputs = [*given, pairs, kind, schedule]
         launch(cuda.refine, cuda.threads(count), inputs, [models, scores], cuda.BLOCK)
     else:
         mean = given.matches.shape[1] // max(given.spans.shape[0], 1)
-        launch_each(cpu.refine, count, count * mean * _STEP, inputs, [models, scores])
+        inputs, kernel = [*given, pairs, schedule], cpu.kernels(kind).refine
+        launch_each(kernel, count, count * mean * _STEP, inputs, [models, scores])
 
 
 def mark(given: Given, kind: int, models: wp.array, inliers: wp.array) -> None:
     """Tell which matches are closer to the model (P, 9) of their pair than the threshold."""
-    inputs = [*given, kind, models]
     count = given.spans.shape[0]
     if inliers.device.is_cuda:
+        inputs = [*given, kind, models]
         launch(cuda.mark, cuda.threads(count), inputs, [inliers], cuda.BLOCK)
     else:
-        launch_each(cpu.mark, count, given.matches.shape[1], inputs, [inliers])
+        inputs, kernel = [*given, models], cpu.kernels(kind).mark
+        launch_each(kernel, count, given.matches.shape[1], inputs, [inliers])

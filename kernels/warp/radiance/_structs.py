@@ -155,5 +155,15 @@ class WildGradients:
     head: wp.array2d[float]  # (R, 5)
 
 
+@wp.struct
+class Sides:
+    """The sides from which samples are seen, and their lights."""
+
+    directions: wp.array2d[float]  # (R, 3)
+    rays: wp.array[int]  # (M,)
+    table: wp.array2d[float]  # (N, 16)
+    views: wp.array[int]  # (R,)
+
+
 # Names in native code of the structures that its own structures contain.
 NATIVE = {kind.__name__: kind.native_name for kind in (Rays, Space, March, Grid)}

@@ -6,12 +6,14 @@ C',
 
     dL/dC = G + A^T G,    dL/dO += <G, b>,    dL/dA = G C^T,    dL/db = O G.
 
-One thread adds the gradients of a photograph, in the order of the rays.
+The gradients of a photograph are added as those of :mod:`.embeddings`.
 """
 
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch_each
+
+from . import embeddings
 
 wp.set_module_options({"enable_backward": False})
 
@@ -61,23 +63,26 @@ def sum_kernel(
     views: wp.array[int],  # (R,)
     active: wp.array[int],  # (1,)
     # outputs
-    d_table: wp.array2d[float],  # (N, 12)
+    parts: wp.array3d[float],  # (P, N, 12)
 ):
-    """Add the gradients of a photograph's rays."""
-    for view in range(first + wp.tid(), last, stride):
+    """Add the gradients of a photograph's rays in one part."""
+    images = parts.shape[1]
+    for item in range(first + wp.tid(), last, stride):
+        part = item // images
+        view = item - part * images
         red = wp.vec4(0.0, 0.0, 0.0, 0.0)
         green = wp.vec4(0.0, 0.0, 0.0, 0.0)
         blue = wp.vec4(0.0, 0.0, 0.0, 0.0)
-        for ray in range(wp.min(active[0], views.shape[0])):
+        for ray in range(part, wp.min(active[0], views.shape[0]), parts.shape[0]):
             if views[ray] == view:
                 seen = wp.vec4(color[ray, 0], color[ray, 1], color[ray, 2], opacity[ray])
                 red += d_color[ray, 0] * seen
                 green += d_color[ray, 1] * seen
                 blue += d_color[ray, 2] * seen
         for k in range(4):
-            d_table[view, k] = red[k]
-            d_table[view, 4 + k] = green[k]
-            d_table[view, 8 + k] = blue[k]
+            parts[part, view, k] = red[k]
+            parts[part, view, 4 + k] = green[k]
+            parts[part, view, 8 + k] = blue[k]
 
 
 @wp.kernel
@@ -114,14 +119,16 @@ def backward(
     active: wp.array,
     d_color: wp.array,
     d_opacity: wp.array,
+    parts: wp.array,
     d_table: wp.array,
 ) -> None:
     """Turn gradients by mapped colours, `d_color` (R, 3), into those by colours, in place.
 
     The other arguments are those of :func:`apply`, of which the first `active` (1,) rays count.
-    `d_opacity` (R,) is added to, `d_table` (N, 12) is filled.
+    `d_opacity` (R,) is added to, `d_table` (N, 12) is filled; `parts` (P, N, 12) is working memory.
     """
     count, images = opacity.shape[0], table.shape[0]
     inputs = [d_color, color, opacity, views, active]
-    launch_each(sum_kernel, images, images * count, inputs, [d_table])
+    launch_each(sum_kernel, parts.shape[0] * images, images * count, inputs, [parts])
+    embeddings.sum_parts(parts, d_table)
     launch_each(back_kernel, count, 32 * count, [views, table, active], [d_color, d_opacity])

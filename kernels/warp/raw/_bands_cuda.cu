@@ -1,36 +1,48 @@
 // The levels of _bands.h on CUDA, with the same sums in the same order.
 #include "_pyramid.h"
 #include "_strips_cuda.h"
+#include "_layers_cuda.h"
 
+// A warp makes `each` rows, one after the other, and reads the next two while it adds up.
 // needs PART
-void reduce_strips(int planes, wp::array_t<float> src, wp::array_t<float> dst) {
+void reduce_strips(int planes, wp::array_t<float> src, int each, wp::array_t<float> dst) {
+    struct Four {
+        float v[4];
+    };
     const int height = src.shape[1], width = src.shape[2];
     const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + Strip::ROWS - 1) / Strip::ROWS;
+    const int chunks = (tall + each - 1) / each;
     const bool aligned = width % 4 == 0 && ((size_t)src.data & 15) == 0;
     const int lane = threadIdx.x % 32;
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < planes * chunks * strips;
          item += gridDim.x * blockDim.x / 32) {
-        const int plane = item / strips / chunks, begin = item / strips % chunks * Strip::ROWS;
+        const int plane = item / strips / chunks, begin = item / strips % chunks * each;
+        const int end = begin + each < tall ? begin + each : tall;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
         const float* from = src.data + (size_t)plane * height * width;
-        // All rows are read before any is used.
-        float rows[2 * Strip::ROWS + 3][4], v[4], out[2];
-#pragma unroll
-        for (int k = 0; k < 2 * Strip::ROWS + 3; ++k) {
-            const float* row = from + (size_t)Mirror::at(2 * begin - 2 + k, height) * width;
-            Strip::load(row, 2 * column, width, aligned, rows[k]);
-        }
-#pragma unroll
-        for (int r = 0; r < Strip::ROWS; ++r) {
+        float* to = dst.data + (size_t)plane * tall * wide;
+        const auto load = [&](int y) {
+            Four four;
+            Strip::load(from + (size_t)Mirror::at(y, height) * width, 2 * column, width, aligned,
+                        four.v);
+            return four;
+        };
+        Four a = load(2 * begin - 2), b = load(2 * begin - 1), c = load(2 * begin);
+        Four d = load(2 * begin + 1), e = load(2 * begin + 2);
+#pragma unroll 1
+        for (int y = begin; y < end; ++y) {
+            const Four next = load(2 * y + 3), after = load(2 * y + 4);
+            float v[4], out[2];
             for (int i = 0; i < 4; ++i)
-                v[i] = Pyramid::weigh(rows[2 * r][i], rows[2 * r + 1][i], rows[2 * r + 2][i],
-                                      rows[2 * r + 3][i], rows[2 * r + 4][i]);
+                v[i] = Pyramid::weigh(a.v[i], b.v[i], c.v[i], d.v[i], e.v[i]);
             Strip::across(v, out);
-            if (begin + r < tall)
-                Strip::write(out, lane, column, wide,
-                             dst.data + ((size_t)plane * tall + begin + r) * wide);
+            Strip::write(out, lane, column, wide, to + (size_t)y * wide);
+            a = c;
+            b = d;
+            c = e;
+            d = next;
+            e = after;
         }
     }
 }
@@ -110,60 +122,73 @@ void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma
     }
 }
 
+// All small levels of a plane, in one block.
+// needs PART
+void reduce_rest(int planes, int count, wp::array_t<float> src, wp::array_t<float> a,
+                 wp::array_t<float> b, wp::array_t<float> c, wp::array_t<float> d,
+                 wp::array_t<float> e, wp::array_t<float> f, wp::array_t<float> g) {
+    float* const levels[8] = {src.data, a.data, b.data, c.data, d.data, e.data, f.data, g.data};
+    for (int plane = blockIdx.x; plane < planes; plane += gridDim.x) {
+        int height = src.shape[1], width = src.shape[2];
+#pragma unroll 1
+        for (int n = 0; n < count; ++n) {
+            const int tall = (height + 1) / 2, wide = (width + 1) / 2;
+            const float* from = levels[n] + (size_t)plane * height * width;
+            float* to = levels[n + 1] + (size_t)plane * tall * wide;
+            for (int i = threadIdx.x; i < tall * wide; i += blockDim.x) {
+                const int y = i / wide, x = i % wide;
+                int rows[5];
+                float line[5];
+#pragma unroll
+                for (int k = 0; k < 5; ++k) rows[k] = Mirror::at(2 * y - 2 + k, height) * width;
+#pragma unroll
+                for (int k = 0; k < 5; ++k) {
+                    const float* at = from + Mirror::at(2 * x - 2 + k, width);
+                    line[k] = Pyramid::weigh(at[rows[0]], at[rows[1]], at[rows[2]], at[rows[3]],
+                                             at[rows[4]]);
+                }
+                to[i] = Pyramid::weigh(line[0], line[1], line[2], line[3], line[4]);
+            }
+            __syncthreads();
+            height = tall;
+            width = wide;
+        }
+    }
+}
+
 // needs PART
 void collapse_four(wp::array_t<float> fine, wp::array_t<float> coarse, int below, float share,
                    float lowest, float step, float sigma, float slope, wp::array_t<float> out) {
-    const int height = out.shape[1], width = out.shape[2];
-    const int tall = coarse.shape[1], wide = coarse.shape[2], references = coarse.shape[0] - 2;
-    const size_t plane = (size_t)height * width, small = (size_t)tall * wide;
-    const bool single = fine.shape[0] == 1;
-    const float* base = fine.data + (single ? 0 : references) * plane;
-    float* to = out.data + (out.shape[0] - 1) * plane;
-    const float scale = 1.0f / step;
-    const int columns = (width + 1) / 2, items = (height + 1) / 2 * columns;
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
-         item += gridDim.x * blockDim.x) {
-        const int y = item / columns, x = item % columns;
-        const Square square(y, x, height, width, tall, wide);
-        const bool right = 2 * x + 1 < width, lower = 2 * y + 1 < height;
-        // Values beyond the border are those of the first pixel, and are not written.
-        const size_t own = (size_t)(2 * y) * width + 2 * x;
-        const size_t at[4] = {own, right ? own + 1 : own, lower ? own + width : own,
-                              right && lower ? own + width + 1 : own};
-        float total[4], place[4], other[4], least = (float)references, most = 0.0f;
-        square.expand(coarse.data + below * small, total);
-        for (int i = 0; i < 4; ++i) {
-            total[i] = share * total[i];
-            place[i] = (base[at[i]] - lowest) * scale;
-            least = fminf(least, place[i]);
-            most = fmaxf(most, place[i]);
+    const int height = out.shape[1], width = out.shape[2], references = coarse.shape[0] - 2;
+    const Bands bands = {lowest, step, sigma, slope, references, fine.shape[0] == 1};
+    float* to = out.data + (size_t)(out.shape[0] - 1) * height * width;
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x;
+         item < (height + 1) / 2 * ((width + 1) / 2); item += gridDim.x * blockDim.x)
+        bands.add(fine.data, coarse.data, below, share, item, height, width, to);
+}
+
+// All small levels, in one block: of `count` the last is the smallest, and adds to nothing.
+// needs PART
+void collapse_rest(int count, float lowest, float step, float slope, wp::array_t<float> a,
+                   wp::array_t<float> b, wp::array_t<float> c, wp::array_t<float> d,
+                   wp::array_t<float> e, wp::array_t<float> f, wp::array_t<float> g,
+                   wp::array_t<float> h) {
+    float* const levels[8] = {a.data, b.data, c.data, d.data, e.data, f.data, g.data, h.data};
+    const int references = a.shape[0] - 2;
+    const Bands bands = {lowest, step, 0.0f, slope, references, false};
+    if (blockIdx.x) return;
+#pragma unroll 1
+    for (int n = count - 2; n >= 0; --n) {
+        int height = a.shape[1], width = a.shape[2];
+        for (int i = 0; i < n; ++i) {
+            height = (height + 1) / 2;
+            width = (width + 1) / 2;
         }
-        // References further off have no weight.
-        const int last = most + 1.0f < (float)references ? (int)most + 1 : references - 1;
-        for (int j = least > 0.0f ? (int)least : 0; j <= last; ++j) {
-            float weight[4], any = 0.0f;
-            for (int i = 0; i < 4; ++i) {
-                const float off = place[i] - (float)j;
-                weight[i] = fmaxf(1.0f - fabsf(off), 0.0f);
-                any = fmaxf(any, weight[i]);
-            }
-            if (!(any > 0.0f)) continue;
-            const float about = lowest + (float)j * step;
-            const float* from = fine.data + (single ? 0 : j) * plane;
-            square.expand(coarse.data + j * small, other);
-            for (int i = 0; i < 4; ++i) {
-                float value = from[at[i]];
-                if (sigma > 0.0f) {
-                    const float off = value - about;
-                    const float near = fminf(fmaxf(off, -sigma), sigma);
-                    value = (about + near) + slope * (off - near);
-                }
-                total[i] += weight[i] * (value - other[i]);
-            }
-        }
-        to[at[0]] = total[0];
-        if (right) to[at[1]] = total[1];
-        if (lower) to[at[2]] = total[2];
-        if (right && lower) to[at[3]] = total[3];
+        const int first = n == count - 2;
+        const int below = first ? references : references + 1;
+        float* to = levels[n] + (size_t)(references + 1) * height * width;
+        for (int i = threadIdx.x; i < (height + 1) / 2 * ((width + 1) / 2); i += blockDim.x)
+            bands.add(levels[n], levels[n + 1], below, first ? slope : 1.0f, i, height, width, to);
+        __syncthreads();
     }
 }

@@ -81,9 +81,9 @@ void _begin(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
             wp::array_t<float> weights, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
     const int height = frames.shape[1], width = frames.shape[2];
-    const int k = row / dst.shape[2], y = row % dst.shape[2];
-    const size_t size = (size_t)height * width, small = (size_t)dst.shape[2] * dst.shape[3];
-    float* to = dst.data + k * (CHANNELS + 1) * small + (size_t)y * dst.shape[3];
+    const int k = row / dst.shape[1], y = row % dst.shape[1];
+    const size_t size = (size_t)height * width, small = (size_t)dst.shape[1] * dst.shape[2];
+    float* to = dst.data + k * (CHANNELS + 1) * small + (size_t)y * dst.shape[2];
     const TYPE* rows[5];
     const float* shares[5];
     for (int r = 0; r < 5; ++r) {
@@ -134,10 +134,11 @@ void _begin(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
 }
 
 // needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
-void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<float> coarse,
-            int alone, wp::array_t<float> below, wp::array_t<float> out) {
+void _blend(int row, int left, int right, wp::array_t<float> coarse, int alone,
+            wp::array_t<float> fine) {
 #pragma clang fp contract(off)
-    const int height = out.shape[1], width = out.shape[2], count = fine.shape[0];
+    const int height = fine.shape[1], width = fine.shape[2], end = fine.shape[0] - CHANNELS;
+    const int count = end / (CHANNELS + 1);
     const int rows = coarse.shape[1], columns = coarse.shape[2];
     const size_t size = (size_t)height * width, small = (size_t)rows * columns;
     const size_t start = (size_t)row * width;
@@ -148,8 +149,8 @@ void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<f
             if (alone)
                 for (int i = 0; i < some; ++i) total[i] = other[i] = 0.0f;
             else
-                Pyramid::expand(below.data + c * small, rows, columns, height, width, row, begin,
-                                some, total);
+                Pyramid::expand(coarse.data + (end + c) * small, rows, columns, height, width, row,
+                                begin, some, total);
             for (int k = 0; k < count; ++k) {
                 const float* from = fine.data + (k * (CHANNELS + 1) + c) * size + start + begin;
                 const float* weight =
@@ -161,7 +162,7 @@ void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<f
                     if (Pyramid::within(begin + i, right))
                         total[i] += weight[i] * (from[i] - other[i]);
             }
-            float* to = out.data + c * size + start + begin;
+            float* to = fine.data + (end + c) * size + start + begin;
             for (int i = 0; i < some; ++i)
                 if (Pyramid::within(begin + i, right)) to[i] = total[i];
         }
@@ -171,7 +172,7 @@ void _blend(int row, int left, int right, wp::array_t<float> fine, wp::array_t<f
 // needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale,
              wp::array_t<float> weights, wp::array_t<float> coarse, int alone,
-             wp::array_t<float> below, wp::array_t<float> out) {
+             wp::array_t<float> out) {
 #pragma clang fp contract(off)
     const int height = out.shape[0], width = out.shape[1], count = frames.shape[0];
     const int rows = coarse.shape[1], columns = coarse.shape[2];
@@ -188,8 +189,8 @@ void _finish(int row, int left, int right, wp::array_t<TYPE> frames, float scale
             if (alone)
                 for (int i = 0; i < some; ++i) total[c][i] = other[i] = 0.0f;
             else
-                Pyramid::expand(below.data + c * small, rows, columns, height, width, row, begin,
-                                some, total[c]);
+                Pyramid::expand(coarse.data + (count * (CHANNELS + 1) + c) * small, rows, columns,
+                                height, width, row, begin, some, total[c]);
         }
         for (int k = 0; k < count; ++k) {
             const TYPE* from = frames.data + (k * size + start) * CHANNELS;

@@ -8,7 +8,7 @@ import warp as wp
 from cvkern.kernels.codes import raw as codes
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK
-from cvkern.kernels.warp.raw._bands_cuda import OPTIONS, PART
+from cvkern.kernels.warp.raw._bands_cuda import OPTIONS, PART, THREADS
 from cvkern.kernels.warp.raw._types import constants
 
 
@@ -17,7 +17,9 @@ class Fusion(NamedTuple):
 
     weigh: wp.Kernel
     begin: wp.Kernel
+    quick: wp.Kernel  # the same, if rows of bytes are whole groups of four
     blend: wp.Kernel
+    rest: wp.Kernel  # small levels
     finish: wp.Kernel
 
 
@@ -36,7 +38,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     """Make the kernels for frames of a type."""
     own = {"PART": PART, **names(scalar, channels)}
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
     def weigh_block(
         frames: wp.array4d[scalar],
         scale: float,
@@ -48,38 +50,61 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
     def frame_strips(
         frames: wp.array4d[scalar],
         scale: float,
         weights: wp.array3d[float],
+        each: int,
         # outputs
-        dst: wp.array4d[float],
+        dst: wp.array3d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    def byte_strips(
+        frames: wp.array4d[scalar],
+        scale: float,
+        weights: wp.array3d[float],
+        each: int,
+        # outputs
+        dst: wp.array3d[float],
     ):
         """Forward to the native code."""
 
     @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
     def blend_four(
-        fine: wp.array4d[float],
         coarse: wp.array3d[float],
         alone: int,
-        below: wp.array3d[float],
         # outputs
-        out: wp.array3d[float],
+        fine: wp.array3d[float],
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), **own)
+    def blend_rest(
+        count: int,
+        # outputs
+        a: wp.array3d[float],
+        b: wp.array3d[float],
+        c: wp.array3d[float],
+        d: wp.array3d[float],
+        e: wp.array3d[float],
+        f: wp.array3d[float],
+        g: wp.array3d[float],
+    ):
+        """Forward to the native code."""
+
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, THREADS=BLOCK, **own)
     def finish_four(
         frames: wp.array4d[scalar],
         scale: float,
         weights: wp.array3d[float],
         coarse: wp.array3d[float],
         alone: int,
-        below: wp.array3d[float],
         # outputs
         out: wp.array3d[float],
     ):
         """Forward to the native code."""
 
-    return Fusion(weigh_block, frame_strips, blend_four, finish_four)
+    return Fusion(weigh_block, frame_strips, byte_strips, blend_four, blend_rest, finish_four)

@@ -1,5 +1,6 @@
 """Fusion of exposures, in Warp; the Taichi set has the equations."""
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -7,7 +8,7 @@ import warp as wp
 
 from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp._spans import Spans, spans
-from cvkern.kernels.warp.raw._bands_cuda import threads, warps
+from cvkern.kernels.warp.raw import _bands_cuda as cuda
 from cvkern.kernels.warp.raw._fusion_cuda import kernels, names
 
 
@@ -27,37 +28,54 @@ def weigh(
     inputs = [frames, scale, contrast, saturation, exposure]
     if weights.device.is_cuda:
         squares = -(-rows // 2) * -(-columns // 4)
-        launch(kernels(frames.dtype, frames.shape[3]).weigh, threads(squares), inputs, [weights])
+        launch(
+            kernels(frames.dtype, frames.shape[3]).weigh, cuda.threads(squares), inputs, [weights]
+        )
         return
     kernel = _weigh(frames.dtype, frames.shape[3])
     kernel.launch(rows, columns, 10 * weights.size, inputs, [weights])
 
 
 def begin(frames: wp.array, scale: float, weights: wp.array, dst: wp.array) -> None:
-    """Write the first smaller level (K, C + 1, h, w) of the channels and of the weights."""
-    count, _, rows, columns = dst.shape
+    """Write the first smaller level of the channels and of the weights, K times C + 1 planes.
+
+    C planes more are for the result.
+    """
+    count, (_, rows, columns) = frames.shape[0], dst.shape
     inputs = [frames, scale, weights]
     if dst.device.is_cuda:
-        begin = kernels(frames.dtype, frames.shape[3]).begin
-        launch(begin, warps(count, rows, columns), inputs, [dst])
+        made = kernels(frames.dtype, frames.shape[3])
+        quick = frames.dtype is wp.uint8 and frames.shape[2] % 4 == 0 and frames.ptr % 4 == 0
+        begin = made.quick if quick else made.begin
+        each = cuda.rows_each(count, rows, columns)
+        launch(begin, cuda.warps(count, rows, columns, each), [*inputs, each], [dst])
         return
     kernel = _begin(frames.dtype, frames.shape[3])
     kernel.launch(count * rows, columns, 4 * dst.size, inputs, [dst])
 
 
-def blend(fine: wp.array, coarse: wp.array, alone: int, below: wp.array, out: wp.array) -> None:
-    """Add the weighted bands of a level to the result `below`, (C, h, w), enlarged.
+def blend(levels: Sequence[wp.array], channels: int) -> None:
+    """Add the weighted bands of each level to the result of the next smaller one, enlarged.
 
-    The level that stands `alone` is its own band, and adds to nothing.
+    Results are the last planes of a level, one for each channel. The smallest level is its own
+    band.
     """
-    channels, rows, columns = out.shape
-    inputs = [fine, coarse, alone, below]
-    if out.device.is_cuda:
-        squares = -(-rows // 2) * -(-columns // 2)
-        launch(kernels(wp.float32, channels).blend, threads(squares), inputs, [out])
-        return
-    kernel = _blend(channels)
-    kernel.launch(rows, columns, 4 * fine.size, inputs, [out])
+    own = len(levels)
+    if levels[0].device.is_cuda:
+        made, own = kernels(wp.float32, channels), cuda.rest(levels)
+        if own < len(levels):
+            outputs = cuda.filled(levels[own:], cuda.MOST_LEVELS)
+            inputs = [len(levels) - own]
+            launch(made.rest, channels * cuda.THREADS, inputs, outputs, cuda.THREADS)
+    for n in reversed(range(own)):
+        alone = n + 1 == len(levels)
+        fine, inputs = levels[n], [levels[n if alone else n + 1], int(alone)]
+        _, rows, columns = fine.shape
+        if fine.device.is_cuda:
+            squares = -(-rows // 2) * -(-columns // 2)
+            launch(kernels(wp.float32, channels).blend, cuda.threads(squares), inputs, [fine])
+        else:
+            _blend(channels).launch(rows, columns, 4 * fine.size, inputs, [fine])
 
 
 def finish(
@@ -66,15 +84,17 @@ def finish(
     weights: wp.array,
     coarse: wp.array,
     alone: int,
-    below: wp.array,
     out: wp.array,
 ) -> None:
-    """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C)."""
+    """Add the bands of the frames themselves, and bend values into 0 to 1: (H, W, C).
+
+    Frames that stand `alone` have no smaller level.
+    """
     rows, columns, channels = out.shape
-    inputs = [frames, scale, weights, coarse, alone, below]
+    inputs = [frames, scale, weights, coarse, alone]
     if out.device.is_cuda:
-        squares = -(-rows // 2) * -(-columns // 2)
-        launch(kernels(frames.dtype, channels).finish, threads(squares), inputs, [out])
+        squares = -(-rows // 2) * -(-columns // 64)
+        launch(kernels(frames.dtype, channels).finish, cuda.threads(32 * squares), inputs, [out])
         return
     kernel = _finish(frames.dtype, channels)
     kernel.launch(rows, columns, 4 * frames.size, inputs, [out])
@@ -108,7 +128,7 @@ def _begin(scalar: Any, channels: int) -> Spans:
         frames: wp.array4d[scalar],
         scale: float,
         weights: wp.array3d[float],
-        dst: wp.array4d[float],
+        dst: wp.array3d[float],
     ): ...
 
     return _begin
@@ -121,11 +141,9 @@ def _blend(channels: int) -> Spans:
         row: int,
         left: int,
         right: int,
-        fine: wp.array4d[float],
         coarse: wp.array3d[float],
         alone: int,
-        below: wp.array3d[float],
-        out: wp.array3d[float],
+        fine: wp.array3d[float],
     ): ...
 
     return _blend
@@ -143,7 +161,6 @@ def _finish(scalar: Any, channels: int) -> Spans:
         weights: wp.array3d[float],
         coarse: wp.array3d[float],
         alone: int,
-        below: wp.array3d[float],
         out: wp.array3d[float],
     ): ...
 

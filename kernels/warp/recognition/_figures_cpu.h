@@ -6,7 +6,8 @@ void paint_mode(int t, Ballot ballot, Painter by, wp::array_t<wp::uint8> figures
                 wp::array_t<int> modes, wp::array_t<int> balance) {
     typedef int lanes __attribute__((vector_size(4 * LANES)));
     typedef unsigned char bytes __attribute__((vector_size(LANES)));
-    const int* mode = modes.data + 4 * t;
+    if (t >= modes.data[0]) return;
+    const int* mode = modes.data + 4 * (t + 1);
     const int y = mode[0], x = mode[1], z = mode[2], side = by.side, pixels = side * side;
     const int height = balance.shape[1], width = balance.shape[2], most = ballot.matches.shape[1];
     int* box = balance.data + (size_t)t * height * width;

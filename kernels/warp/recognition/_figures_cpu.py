@@ -5,21 +5,9 @@ import warp as wp
 from cvkern.kernels.codes.recognition import FINE, KERNEL_ONE, LARGEST_PATCH, OCTAVE
 from cvkern.kernels.warp import _native
 
-from ._space import Ballot
+from ._space import Ballot, Painter
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
-
-
-@wp.struct
-class Painter:
-    """The kernel that weighs votes, and the boxes of patches and of the object at scale 0."""
-
-    radius: int
-    scales: int
-    side: int
-    """Side of a patch, in pixels."""
-    half_height: int
-    half_width: int
 
 
 @_native.func_native(

@@ -1,11 +1,10 @@
 // needs WHITE
-// Round a row of pixels to integers; a pixel that is no number becomes 0.
-void round_row(int row, wp::array_t<float> image, wp::array_t<int> pixels) {
-    const size_t width = pixels.shape[1];
-    const float* from = image.data + row * width;
-    int* to = pixels.data + row * width;
+// Round some pixels to integers; a pixel that is no number becomes 0.
+void round_some(int first, int last, wp::array_t<float> image, wp::array_t<int> pixels) {
+    const float* from = image.data;
+    int* to = pixels.data;
 #pragma clang loop vectorize(assume_safety)
-    for (size_t i = 0; i < width; ++i) {
+    for (size_t i = first; i < last; ++i) {
         float value = from[i] > 0.0f ? from[i] : 0.0f;
         value = value < 1.0f ? value : 1.0f;
         to[i] = (int)(value * WHITE + 0.5f);
@@ -20,8 +19,8 @@ void sample_patch(int i, wp::array_t<int> pixels, wp::array_t<int> corners, int 
     typedef double wide __attribute__((vector_size(8 * LANES)));
     typedef signed char bytes __attribute__((vector_size(LANES)));
     const int size = patches.shape[1], count = side * side;
-    const size_t width = pixels.shape[1];
-    const int* from = pixels.data + corners.data[2 * i] * width + corners.data[2 * i + 1];
+    const size_t width = corners.data[2 * i + 1];
+    const int* from = pixels.data + corners.data[2 * i];
     alignas(64) int own[LARGEST_PATCH];
     for (int k = count; k < size; ++k) own[k] = 0;
     for (int row = 0; row < side; ++row)

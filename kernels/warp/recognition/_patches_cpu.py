@@ -15,13 +15,13 @@ FILE = "_patches_cpu.h"
 
 
 @_native.func_native(FILE, WHITE=WHITE)
-def round_row(row: int, image: wp.array2d[float], pixels: wp.array2d[int]): ...
+def round_some(first: int, last: int, image: wp.array[float], pixels: wp.array[int]): ...
 
 
 @_native.func_native(FILE, LANES=16, LARGEST_PATCH=LARGEST_PATCH, SPREAD=SPREAD, LARGEST=LARGEST)
 def sample_patch(
     i: int,
-    pixels: wp.array2d[int],
+    pixels: wp.array[int],
     corners: wp.array2d[int],
     side: int,
     least: wp.int64,
@@ -34,7 +34,7 @@ def sample(
     slab: int,
     first: int,
     last: int,
-    pixels: wp.array2d[int],  # (H, W)
+    pixels: wp.array[int],  # (P,)
     corners: wp.array2d[int],  # (N, 2)
     side: int,
     least: wp.int64,
@@ -46,13 +46,12 @@ def sample(
 
 
 @wp.kernel
-def round_rows(
+def round_pixels(
     slab: int,
     first: int,
     last: int,
-    image: wp.array2d[float],  # (H, W)
+    image: wp.array[float],  # (P,)
     # outputs
-    pixels: wp.array2d[int],  # (H, W)
+    pixels: wp.array[int],  # (P,)
 ):
-    for row in range(first, last):
-        round_row(row, image, pixels)
+    round_some(first, last, image, pixels)

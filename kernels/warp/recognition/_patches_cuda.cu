@@ -5,8 +5,8 @@ void sample(wp::array_t<float> image, wp::array_t<int> corners, int side, wp::in
     const int i = (blockIdx.x * blockDim.x + threadIdx.x) / 32, lane = threadIdx.x % 32;
     if (i >= corners.shape[0]) return;
     const int size = patches.shape[1], count = side * side;
-    const size_t width = image.shape[1];
-    const float* from = image.data + corners.data[2 * i] * width + corners.data[2 * i + 1];
+    const size_t width = corners.data[2 * i + 1];
+    const float* from = image.data + corners.data[2 * i];
     // Each lane has at most 20 pixels of 25 x 25.
     const auto pixel = [&](int k) {
         const float value = from[(size_t)(k / side) * width + k % side];

@@ -12,7 +12,7 @@ LANES = 32  # threads of a patch
 
 @_native.kernel("_patches_cuda.cu", SPREAD=SPREAD, LARGEST=LARGEST, WHITE=WHITE)
 def sample(
-    image: wp.array2d[float],  # (H, W)
+    image: wp.array[float],  # (P,)
     corners: wp.array2d[int],  # (N, 2)
     side: int,
     least: wp.int64,

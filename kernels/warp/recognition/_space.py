@@ -10,7 +10,6 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 BITS = wp.constant(wp.int64(codes.FACTOR_BITS))
 ONE = wp.constant(wp.int64(1 << codes.FACTOR_BITS))
 LARGE = wp.constant(wp.int64(1 << 30))
-KERNEL_ONE = wp.constant(wp.int64(codes.KERNEL_ONE))
 HALF = wp.constant(wp.int64(1 << (codes.FACTOR_BITS - 1)))
 
 
@@ -65,6 +64,18 @@ def ballot_of(
     return ballot
 
 
+@wp.struct
+class Painter:
+    """The kernel that weighs votes, and the boxes of patches and of the object at scale 0."""
+
+    radius: int
+    scales: int
+    side: int
+    """Side of a patch, in pixels."""
+    half_height: int
+    half_width: int
+
+
 @wp.func
 def scaled(size: int, factor: int) -> int:
     """Return a size times a factor of scale, halves rounded up."""
@@ -79,44 +90,8 @@ def below(size: int, factor: int) -> int:
 
 
 @wp.func
-def kernel_at(apart: wp.vec3i, reach: int, scales: int) -> wp.int64:
-    """Return the kernel of Epanechnikov at a distance, at most 0 outside."""
-    dy = wp.int64(apart[0])
-    dx = wp.int64(apart[1])
-    dz = wp.int64(apart[2])
-    flat = KERNEL_ONE * (dy * dy + dx * dx) // (wp.int64(reach) * wp.int64(reach))
-    deep = KERNEL_ONE * dz * dz // (wp.int64(scales) * wp.int64(scales))
-    return KERNEL_ONE - flat - deep
-
-
-@wp.func
 def factor_of(factors: wp.array[int], lowest: int, scale: int) -> int:
     return factors[wp.clamp(scale - lowest, 0, factors.shape[0] - 1)]
-
-
-@wp.func
-def bin_of(bins: wp.array2d[int], scale: int, slack: int) -> int:
-    """Return the bin whose scale is nearest, the first of several, or -1 beyond the slack."""
-    found = int(-1)
-    least = slack + 1
-    for s in range(bins.shape[0]):
-        apart = wp.abs(scale - bins[s, 3])
-        if apart < least:
-            least = apart
-            found = s
-    return found
-
-
-@wp.func
-def cell_of(bins: wp.array2d[int], s: int, y: int, x: int) -> int:
-    """Return the cell of a place, or -1 outside of the image."""
-    if s < 0 or y < 0 or x < 0:
-        return -1
-    row = y // bins[s, 4]
-    column = x // bins[s, 4]
-    if row >= bins[s, 1] or column >= bins[s, 2]:
-        return -1
-    return bins[s, 0] + row * bins[s, 2] + column
 
 
 @wp.func
@@ -131,13 +106,3 @@ def first_from(places: wp.array2d[int], begin: int, end: int, column: int) -> in
         else:
             high = middle
     return low
-
-
-@wp.func
-def active_words(matches: wp.array2d[int], i: int) -> int:
-    """Return the number of words of a patch."""
-    found = int(0)
-    for m in range(matches.shape[1]):
-        if matches[i, m] >= 0:
-            found += 1
-    return found

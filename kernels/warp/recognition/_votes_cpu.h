@@ -68,7 +68,9 @@ void cast_band(int number, Ballot ballot, wp::array_t<int> bands, wp::array_t<in
     for (int c = 0; c < span + LANES; ++c) own[c] = 0;
     if (ballot.listing) {
         const int* starts = ballot.starts.data + first;
-        for (int c = 0; c < span; ++c) next[c] = starts[c + 1] > starts[c] ? starts[c] : -1;
+        const int last = votes.shape[0];
+        for (int c = 0; c < span; ++c)
+            next[c] = starts[c + 1] > starts[c] && starts[c + 1] <= last ? starts[c] : -1;
         for (int j = 0; j < LANES; ++j) next[span + j] = -1;
     }
     lanes step;
@@ -179,6 +181,7 @@ void shift_mode(int t, Cells cells, int radius, int scales, int rounds, wp::arra
     int y = maxima.data[4 * t], x = maxima.data[4 * t + 1], z = maxima.data[4 * t + 2];
     wp::int64 mass, downs, alongs, deeps, density = 0;
     int limit[DEEPEST + 1], deep[DEEPEST + 1];
+    const int listed = cells.votes.shape[0];
     for (int k = 0; k <= scales; ++k) deep[k] = ONE * k * k / (scales * scales);
     lanes step;
     for (int j = 0; j < LANES; ++j) step[j] = j;
@@ -203,7 +206,7 @@ void shift_mode(int t, Cells cells, int radius, int scales, int rounds, wp::arra
             const int behind = past > before ? past : before;
             for (int row = top; row < bottom; ++row) {
                 const int* cell = cells.starts.data + bin[0] + row * columns;
-                const int end = cell[behind];
+                const int end = cell[behind] < listed ? cell[behind] : listed;
                 for (int v = cell[before]; v < end; v += LANES) {
                     const int n = end - v;
                     lanes a[4] = {};

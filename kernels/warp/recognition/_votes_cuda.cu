@@ -11,6 +11,7 @@ void shift(Cells cells, int radius, int scales, int rounds, wp::array_t<int> max
     const int t = blockIdx.x, thread = threadIdx.x;
     int y = maxima.data[4 * t], x = maxima.data[4 * t + 1], z = maxima.data[4 * t + 2];
     const int bins = cells.bins.shape[0], size = cells.factors.shape[0];
+    const int listed = cells.votes.shape[0];
     // Add up the weights and the weighted distances of the votes, or at last the weighted kernel.
     const auto add = [&](bool last) {
         const int at = z - cells.lowest;
@@ -35,7 +36,7 @@ void shift(Cells cells, int radius, int scales, int rounds, wp::array_t<int> max
             const int behind = max(right, before);
             for (int row = top; row < bottom; ++row) {
                 const int* cell = cells.starts.data + bin[0] + row * columns;
-                const int end = cell[behind];
+                const int end = min(cell[behind], listed);
                 for (int v = cell[before] + thread; v < end; v += THREADS) {
                     const int4 vote = __ldg((const int4*)cells.votes.data + v);
                     const int dy = vote.x - y, dx = vote.y - x, dz = vote.z - z;
@@ -117,9 +118,79 @@ void cast(Ballot ballot, wp::array_t<wp::uint64> cells, wp::array_t<int> votes) 
         const int c = bin[0] + row * bin[2] + column, weight = entry.w / active;
         if (!ballot.listing) {
             atomicAdd((unsigned long long*)cells.data + c, (1ull << 32) + (unsigned int)weight);
-        } else if (ballot.starts.data[c + 1] > ballot.starts.data[c]) {
+        } else if (ballot.starts.data[c + 1] > ballot.starts.data[c] &&
+                   ballot.starts.data[c + 1] <= votes.shape[0]) {
             const size_t to = atomicAdd((unsigned long long*)cells.data + c, 1ull);
             ((int4*)votes.data)[ballot.starts.data[c] + to] = make_int4(down, along, scale, weight);
         }
     }
+}
+
+// needs THREADS, NOBODY
+// List the largest maxima in their order, in one block; votes.py has the rule.
+//
+// Bisection finds the largest value that enough maxima have. Each thread then lists a part of them.
+void select(wp::array_t<int> maxima, wp::array_t<int> highest) {
+    __shared__ int above[THREADS], equal[THREADS], sums[THREADS / 32], all;
+    const int count = maxima.shape[0], most = highest.shape[0], thread = threadIdx.x;
+    const int begin = (int)((long long)count * thread / THREADS);
+    const int end = (int)((long long)count * (thread + 1) / THREADS);
+    const auto value = [&](int t) { return maxima.data[4 * (size_t)t + 3]; };
+    const auto together = [&](int own, bool largest) {
+        for (int apart = 16; apart; apart /= 2) {
+            const int other = __shfl_xor_sync(~0u, own, apart);
+            own = largest ? max(own, other) : own + other;
+        }
+        __syncthreads();
+        if (thread % 32 == 0) sums[thread / 32] = own;
+        __syncthreads();
+        if (thread < 32) {
+            own = thread < THREADS / 32 ? sums[thread] : 0;
+            for (int apart = 16; apart; apart /= 2) {
+                const int other = __shfl_xor_sync(~0u, own, apart);
+                own = largest ? max(own, other) : own + other;
+            }
+            if (thread == 0) all = own;
+        }
+        __syncthreads();
+        return all;
+    };
+    int least = 1, own = 0;
+    for (int t = begin; t < end; ++t) own = max(own, value(t));
+    int top = together(own, true);
+    while (least < top) {
+        const int middle = least + (top - least) / 2 + 1;
+        int there = 0;
+        for (int t = begin; t < end; ++t) there += value(t) >= middle;
+        if (together(there, false) >= most)
+            least = middle;
+        else
+            top = middle - 1;
+    }
+    int more = 0, same = 0;
+    for (int t = begin; t < end; ++t) more += value(t) > least, same += value(t) == least;
+    above[thread] = more, equal[thread] = same;
+    for (int apart = 1; apart < THREADS; apart *= 2) {
+        __syncthreads();
+        const int a = thread >= apart ? above[thread - apart] : 0;
+        const int b = thread >= apart ? equal[thread - apart] : 0;
+        __syncthreads();
+        above[thread] += a, equal[thread] += b;
+    }
+    __syncthreads();
+    const int room = most - above[THREADS - 1];
+    int before = above[thread] - more, alike = equal[thread] - same;
+    const auto list = [&](int t) {
+        const int to = before + min(alike, room);
+        for (int k = 0; k < 4; ++k) highest.data[4 * to + k] = maxima.data[4 * (size_t)t + k];
+    };
+    for (int t = begin; t < end; ++t) {
+        if (value(t) > least) list(t), ++before;
+        if (value(t) == least) {
+            if (alike < room) list(t);
+            ++alike;
+        }
+    }
+    const int listed = above[THREADS - 1] + min(equal[THREADS - 1], room);
+    for (int i = 4 * listed + thread; i < 4 * most; i += THREADS) highest.data[i] = NOBODY;
 }

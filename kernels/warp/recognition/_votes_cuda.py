@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from cvkern.kernels.codes.recognition import DEEPEST, KERNEL_ONE
+from cvkern.kernels.codes.recognition import DEEPEST, KERNEL_ONE, NOBODY
 from cvkern.kernels.warp import _native
 
 from ._space import Ballot, Cells
@@ -12,6 +12,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 FILE = "_votes_cuda.cu"
 THREADS = 128  # threads of a maximum
 LANES = 8  # threads of a word of a patch
+SELECTORS = 1024  # threads of the block that selects maxima
 
 
 @_native.kernel(FILE, THREADS=THREADS, ONE=KERNEL_ONE, DEEPEST=DEEPEST)
@@ -46,3 +47,11 @@ def split(
     c = wp.tid()
     sums[c] = int(cells[c] & wp.uint64(0xFFFFFFFF))
     counts[c] = int(cells[c] >> wp.uint64(32))
+
+
+@_native.kernel(FILE, THREADS=SELECTORS, NOBODY=NOBODY)
+def select(
+    maxima: wp.array2d[int],  # (T, 4)
+    # outputs
+    highest: wp.array2d[int],  # (M, 4)
+): ...

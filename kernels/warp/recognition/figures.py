@@ -10,29 +10,16 @@ from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 from cvkern.kernels.warp._zeros import clear
 
 from . import _figures_cpu as cpu
-from ._space import (
-    Ballot,
-    active_words,
-    ballot_of,
-    below,
-    bin_of,
-    cell_of,
-    factor_of,
-    first_from,
-    kernel_at,
-    scaled,
-)
+from . import _figures_cuda as cuda
+from ._space import Painter, ballot_of, below, factor_of, scaled
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 FINE = wp.constant(codes.FINE)
 FINE_BITS = wp.constant(codes.FINE_BITS)  # a shift rounds down, the quotient of Warp towards 0
-SHARE_BITS = wp.constant(codes.SHARE_BITS)
-KERNEL_BITS = wp.constant(wp.int64(codes.KERNEL_BITS))
 WIDE = wp.constant(wp.int64(codes.FINE))
-APART = wp.constant(codes.OCTAVE // 2)
-LANES = wp.constant(32)  # threads of a warp on CUDA, which share the pixels of each patch
-PARTS = wp.constant(16)  # warps of a row of patches and a mode
+UNIT = wp.constant(wp.float64(codes.UNIT))
+ONE_PIXEL, HALF_PIXEL = wp.constant(wp.float64(codes.FINE)), wp.constant(wp.float64(0.5))
 LANES_OF_ROW = 32  # threads of a row of a mask on CUDA
 WORK = 1 << 17  # pixels of the patches of a mode, roughly: for the number of threads only
 
@@ -47,8 +34,9 @@ def paint_figures(
     modes: wp.array,
     balance: wp.array,
 ) -> None:
-    """Add up, for each of T modes, what its votes say of the pixels of their patches.
+    """Add up, for each of the first T modes, what its votes say of the pixels of their patches.
 
+    The first row of `modes` (R + 1, 4) is their number, then come their rows, columns and scales.
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
     of the object at scale 0 with a margin. Pixels are the nearest ones. Patches of another size,
@@ -56,102 +44,23 @@ def paint_figures(
     at their own size and the radius of the kernel.
     """
     clear(balance)
-    count, side = modes.shape[0], math.isqrt(figures.shape[1])
+    count, side = balance.shape[0], math.isqrt(figures.shape[1])
     ballot = ballot_of(patches, occurrences, space, 0, occurrences.starts)
-    by = cpu.Painter()
+    by = Painter()
     by.radius, by.scales, by.side = window.radius, window.scales, side
     by.half_height, by.half_width = frame.box_height, frame.box_width
     inputs = [ballot, by, figures, modes]
     if balance.device.is_cuda:
-        threads = count * patches.rows.shape[0] * PARTS * LANES
-        launch(_paint, threads, inputs, [balance])
+        launch(cuda.paint, count * patches.rows.shape[0] * cuda.PARTS * 32, inputs, [balance])
         return
     launch_slabs(cpu.paint, count, slabs(count, count * WORK), inputs, [balance])
-
-
-@wp.func
-def near_mode(
-    ballot: Ballot, by: cpu.Painter, e: int, place: wp.vec3i, mode: wp.vec3i, reach: int
-) -> wp.int64:
-    """Return the kernel at the vote of an occurrence, at most 0 where it does not count."""
-    factor = factor_of(ballot.factors, ballot.lowest, place[2])
-    other = wp.vec3i(
-        place[0] + scaled(ballot.entries[e, 0], factor),
-        place[1] + scaled(ballot.entries[e, 1], factor),
-        place[2] + ballot.entries[e, 2],
-    )
-    apart = other - mode
-    near = wp.int64(0)
-    # Most votes are far away: find that without a division.
-    if wp.abs(apart[0]) < reach and wp.abs(apart[1]) < reach and wp.abs(apart[2]) < by.scales:
-        near = kernel_at(apart, reach, by.scales)
-    if near > wp.int64(0):
-        s = bin_of(ballot.bins, other[2], ballot.slack)
-        if cell_of(ballot.bins, s, other[0], other[1]) < 0:
-            near = wp.int64(0)
-    return near
-
-
-@wp.kernel
-def _paint(
-    ballot: Ballot,
-    by: cpu.Painter,
-    figures: wp.array2d[wp.uint8],  # (O, S S)
-    modes: wp.array2d[int],  # (T, 4)
-    # outputs
-    balance: wp.array3d[int],  # (T, H, W)
-):
-    # A warp has every `PARTS`-th patch of a row for a mode; a lane has every 32nd pixel.
-    item = wp.tid() // LANES
-    lane = wp.tid() - item * LANES
-    part = item % PARTS
-    line = item // PARTS
-    rows = ballot.rows.shape[0]
-    t = line // rows
-    row = line - t * rows
-    mode = wp.vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
-    begin = ballot.rows[row, 1]
-    end = ballot.rows[row, 2]
-    scale = ballot.places[begin, 2]
-    factor = factor_of(ballot.factors, ballot.lowest, scale)
-    own = factor_of(ballot.factors, ballot.lowest, mode[2])
-    reach = scaled(by.radius, own)
-    if wp.abs(scale - mode[2]) >= APART:
-        return
-    if wp.abs(ballot.rows[row, 0] - mode[0]) > scaled(by.half_height, factor) + reach:
-        return
-    along = scaled(by.half_width, factor) + reach
-    height = int(balance.shape[1])
-    width = int(balance.shape[2])
-    side = by.side
-    first = first_from(ballot.places, begin, end, mode[1] - along)
-    for i in range(first + part, first_from(ballot.places, first, end, mode[1] + along + 1), PARTS):
-        place = wp.vec3i(ballot.places[i, 0], ballot.places[i, 1], scale)
-        # First pixel of the patch in the box, halves rounded up.
-        top = below(place[0] - mode[0], own) + FINE // 2 + FINE * (height - side) // 2
-        left = below(place[1] - mode[1], own) + FINE // 2 + FINE * (width - side) // 2
-        top = top >> FINE_BITS
-        left = left >> FINE_BITS
-        active = active_words(ballot.matches, i)
-        for m in range(active):
-            word = ballot.matches[i, m]
-            for e in range(ballot.begins[word], ballot.begins[word + 1]):
-                near = near_mode(ballot, by, e, place, mode, reach)
-                if near > wp.int64(0):
-                    weight = int(wp.int64(ballot.entries[e, 3] // active) * near >> KERNEL_BITS)
-                    for k in range(lane, side * side, LANES):
-                        down = k // side
-                        column = left + k - down * side
-                        down += top
-                        if down >= 0 and column >= 0 and down < height and column < width:
-                            product = weight * (2 * int(figures[e, k]) - 255)
-                            wp.atomic_add(balance, t, down, column, product >> SHARE_BITS)
 
 
 def spread_figures(balance: wp.array, modes: wp.array, space: Space, masks: wp.array) -> None:
     """Set the pixels of an image that are of the object of each mode; threads take rows.
 
-    `masks` (T, H, W) are 1 where the balance, linear between its pixels, is above 0.
+    `modes` are those of :func:`paint_figures`. `masks` (T, H, W) are 1 where the balance, linear
+    between its pixels, is above 0.
     """
     clear(masks)
     lanes = LANES_OF_ROW if masks.device.is_cuda else 1
@@ -188,17 +97,18 @@ def _spread(
         lane = item - line * lanes
         t = line // masks.shape[1]
         row = line - t * masks.shape[1]
-        factor = factor_of(factors, lowest, modes[t, 2])
-        y = below(FINE * row - modes[t, 0], factor) + FINE * (height - 1) // 2
+        factor = factor_of(factors, lowest, modes[t + 1, 2])
+        y = below(FINE * row - modes[t + 1, 0], factor) + FINE * (height - 1) // 2
         top = y >> FINE_BITS
         if top >= -1 and top < height:
             down = wp.int64(y - FINE * top)
             # The box, and some pixels more.
             half = scaled(FINE * (width + 3) // 2, factor)
-            first = wp.max((modes[t, 1] - half) >> FINE_BITS, 0)
-            last = wp.min(((modes[t, 1] + half) >> FINE_BITS) + 2, masks.shape[2])
+            middle = modes[t + 1, 1]
+            first = wp.max((middle - half) >> FINE_BITS, 0)
+            last = wp.min(((middle + half) >> FINE_BITS) + 2, masks.shape[2])
             for column in range(first + lane, last, lanes):
-                x = below(FINE * column - modes[t, 1], factor) + FINE * (width - 1) // 2
+                x = below(FINE * column - middle, factor) + FINE * (width - 1) // 2
                 left = x >> FINE_BITS
                 along = wp.int64(x - FINE * left)
                 upper = (WIDE - along) * balance_at(balance, t, top, left)
@@ -207,3 +117,52 @@ def _spread(
                 lower += along * balance_at(balance, t, top + 1, left + 1)
                 if (WIDE - down) * upper + down * lower > wp.int64(0):
                     masks[t, row, column] = wp.uint8(1)
+
+
+def describe_objects(
+    modes: wp.array,
+    sizes: wp.array,
+    lowest: int,
+    bias: int,
+    boxes: wp.array,
+    scores: wp.array,
+    centers: wp.array,
+    scales: wp.array,
+) -> None:
+    """Describe N objects in pixels and in float32: their boxes, scores, centers and scales.
+
+    `modes` are those of :func:`paint_figures`, with the evidence of each. `sizes` (F, 3) float64
+    are the scale, half the height and half the width of a box at each scale from `lowest` on.
+    `bias` is added to the evidence, which is in parts of `UNIT`.
+    """
+    count = scores.shape[0]
+    launch_each(_describe, count, count, [modes, sizes, lowest, bias],
+                [boxes, scores, centers, scales])  # fmt: skip
+
+
+@wp.kernel
+def _describe(
+    stride: int,
+    begin: int,
+    end: int,
+    modes: wp.array2d[int],  # (R + 1, 4)
+    sizes: wp.array2d[wp.float64],  # (F, 3)
+    lowest: int,
+    bias: int,
+    # outputs
+    boxes: wp.array2d[float],  # (N, 4)
+    scores: wp.array[float],
+    centers: wp.array2d[float],  # (N, 2)
+    scales: wp.array[float],
+):
+    for n in range(begin + wp.tid(), end, stride):
+        size = wp.clamp(modes[n + 1, 2] - lowest, 0, sizes.shape[0] - 1)
+        evidence = wp.int64(modes[n + 1, 3]) + wp.int64(bias)
+        scores[n] = float(wp.float64(evidence) / UNIT)
+        scales[n] = float(sizes[size, 0])
+        for k in range(2):
+            center = wp.float64(modes[n + 1, k]) / ONE_PIXEL
+            middle = center + HALF_PIXEL
+            boxes[n, k] = float(middle - sizes[size, k + 1])
+            boxes[n, k + 2] = float(middle + sizes[size, k + 1])
+            centers[n, k] = float(center)

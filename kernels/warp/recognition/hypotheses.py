@@ -7,10 +7,12 @@ the level whose scale is nearest count.
 
 import warp as wp
 
+from cvkern.kernels.codes import recognition as codes
 from cvkern.kernels.codes.recognition import Frame, Patches, Space
-from cvkern.kernels.warp._launch import launch_each
+from cvkern.kernels.warp._launch import launch, launch_each, scratch
 from cvkern.kernels.warp._zeros import clear
 
+from . import _hypotheses_cuda as cuda
 from ._space import below, factor_of, first_from, scaled
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -18,6 +20,9 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 LANES = 128  # threads of a mode, or of a pair of modes, on CUDA
 PER_ROW = wp.constant(16)  # those among them that share a row of patches
 WORK = 1024  # steps for a mode, roughly: for the number of threads only
+BLOCKS = 1024  # blocks on CUDA that share the pairs of modes
+CLIMBED = wp.constant(codes.CLIMBED)
+FINE = wp.constant(codes.FINE)
 
 
 @wp.struct
@@ -52,7 +57,7 @@ def weigh_evidence(
     modes: wp.array,
     evidence: wp.array,
 ) -> None:
-    """Add up the evidence of all patches for each of T modes.
+    """Add up the evidence of all patches for each of T modes; modes of density 0 have none.
 
     `weights` (K, cells) are those of each word, cells row by row.
     """
@@ -73,13 +78,85 @@ def weigh_overlaps(
 ) -> None:
     """Add up the evidence for mode i of the patches in the box of mode j, (T, T).
 
-    The box is that of the mode's scale.
+    The box is that of the mode's scale. Modes of density 0 have no evidence, and share none.
     """
     lanes = LANES if shared.device.is_cuda else 1
-    count = shared.size
+    count = shared.size * lanes
     clear(shared)
     inputs = [lanes, _scene(patches, weights, space, frame), modes]
-    launch_each(_weigh_pairs, count * lanes, count * WORK, inputs, [shared])
+    if shared.device.is_cuda:
+        threads = min(count, BLOCKS * LANES)
+        launch(_weigh_pairs, threads, [threads, 0, count, *inputs], [shared], LANES)
+        return
+    launch_each(_weigh_pairs, count, count * WORK, inputs, [shared])
+
+
+def climb_modes(
+    patches: Patches,
+    weights: wp.array,
+    space: Space,
+    frame: Frame,
+    step: int,
+    least: int,
+    modes: wp.array,
+    evidence: wp.array,
+    moved: wp.array,
+    found: wp.array,
+) -> None:
+    """Move each of T modes to the place with most evidence among its own and eight round it.
+
+    Those are `step` pixels of the model away; the first wins a tie: the mode's own, then those to
+    the left and right, then those above, then those below. A mode whose `evidence` (T,) is below
+    `least` gets density 0. `found` (T,) is the evidence there.
+    """
+    count = modes.shape[0]
+    around = scratch("recognition.around", (count, codes.CLIMBED), wp.int32, found.device)
+    lanes = LANES if found.device.is_cuda else 1
+    clear(around)
+    inputs = [lanes, _scene(patches, weights, space, frame), step, least, modes, evidence]
+    number = count * codes.CLIMBED
+    launch_each(_weigh_around, number * lanes, number * WORK, inputs, [around])
+    inputs = [step, least, space.factors, space.lowest, modes, evidence, around]
+    launch_each(_climb, count, count, inputs, [moved, found])
+
+
+def rank_modes(
+    modes: wp.array, evidence: wp.array, least: int, ranked: wp.array, savings: wp.array
+) -> None:
+    """List the R modes with most evidence, at least `least`, and that evidence (R,).
+
+    Of equal evidence the first wins, by row, column and scale. Rows of `ranked` (R, 4) behind the
+    last are 0; modes of density 0 are not ranked.
+    """
+    clear(ranked)
+    clear(savings)
+    count = modes.shape[0]
+    launch_each(_rank, count, count, [modes, evidence, least], [ranked, savings])
+
+
+def explain_modes(
+    ranked: wp.array,
+    savings: wp.array,
+    shared: wp.array,
+    starts: wp.array,
+    least: int,
+    found: wp.array,
+) -> None:
+    """Choose hypotheses by minimum description length.
+
+    Each of R ranked modes saves its evidence, and loses what it shares (R, R) with those chosen
+    before, if that is positive. The one with most evidence left is chosen next, while it has at
+    least `least`; the first wins a tie. The first row of `found` (R + 1, 4) is the number of modes
+    chosen, and the number of votes at the end of `starts`; then come the row, column, scale and
+    remaining evidence of each, and zeros.
+    """
+    clear(found)
+    inputs = [ranked, savings, shared, starts, least]
+    if found.device.is_cuda:
+        launch(cuda.explain, cuda.THREADS, inputs, [found], cuda.THREADS)
+        return
+    left = scratch("recognition.left", savings.shape, wp.int64, found.device)
+    launch_each(_explain, 1, 1, inputs, [left, found])
 
 
 @wp.func
@@ -120,26 +197,29 @@ def first_row(rows: wp.array2d[int], begin: int, end: int, place: int) -> int:
 
 
 @wp.func
-def evidence_of(
-    scene: Scene, modes: wp.array2d[int], t: int, by: int, lane: int, lanes: int
-) -> int:
-    """Return a lane's part of the evidence for mode t.
+def place_of(modes: wp.array2d[int], t: int) -> wp.vec3i:
+    """Return row, column and scale of a mode."""
+    return wp.vec3i(modes[t, 0], modes[t, 1], modes[t, 2])
 
-    If `by` is not -1, it is that of the patches that are in the box of that mode too. Lanes share
+
+@wp.func
+def evidence_of(
+    scene: Scene, mode: wp.vec3i, bounded: bool, by: wp.vec3i, lane: int, lanes: int
+) -> int:
+    """Return a lane's part of the evidence for a mode.
+
+    If it is bounded, it is that of the patches that are in the box of another mode too. Lanes share
     the rows of patches, and 16 of them the patches of a row.
     """
     total = int(0)
-    y = modes[t, 0]
-    x = modes[t, 1]
-    other = by
-    if by < 0:
-        other = t
-    wide = factor_of(scene.factors, scene.lowest, modes[other, 2])
+    y = mode[0]
+    x = mode[1]
+    wide = factor_of(scene.factors, scene.lowest, by[2])
     high = scaled(scene.box_height, wide)
     broad = scaled(scene.box_width, wide)
     step = wp.min(lanes, PER_ROW)
     for b in range(scene.layers.shape[0]):
-        level = level_of(scene.levels, modes[t, 2] + scene.layers[b, 4])
+        level = level_of(scene.levels, mode[2] + scene.layers[b, 4])
         factor = factor_of(scene.factors, scene.lowest, scene.levels[level, 0])
         height = scaled(scene.layers[b, 0], factor) + 1
         width = scaled(scene.layers[b, 1], factor) + 1
@@ -147,11 +227,11 @@ def evidence_of(
         bottom = y + height
         left = x - width
         right = x + width
-        if by >= 0:
-            top = wp.max(top, modes[other, 0] - high)
-            bottom = wp.min(bottom, modes[other, 0] + high)
-            left = wp.max(left, modes[other, 1] - broad)
-            right = wp.min(right, modes[other, 1] + broad)
+        if bounded:
+            top = wp.max(top, by[0] - high)
+            bottom = wp.min(bottom, by[0] + high)
+            left = wp.max(left, by[1] - broad)
+            right = wp.min(right, by[1] + broad)
         last = scene.levels[level, 2]
         row = first_row(scene.rows, scene.levels[level, 1], last, top) + lane // step
         while row < last and scene.rows[row, 0] <= bottom:
@@ -183,9 +263,11 @@ def _weigh(
 ):
     for item in range(first + wp.tid(), last, stride):
         t = item // lanes
-        total = evidence_of(scene, modes, t, -1, item - t * lanes, lanes)
-        if total != 0:
-            wp.atomic_add(evidence, t, total)
+        if modes[t, 3] > 0:
+            mode = place_of(modes, t)
+            total = evidence_of(scene, mode, False, mode, item - t * lanes, lanes)
+            if total != 0:
+                wp.atomic_add(evidence, t, total)
 
 
 @wp.kernel
@@ -203,6 +285,156 @@ def _weigh_pairs(
         pair = item // lanes
         i = pair // shared.shape[1]
         j = pair - i * shared.shape[1]
-        total = evidence_of(scene, modes, i, j, item - pair * lanes, lanes)
-        if total != 0:
-            wp.atomic_add(shared, i, j, total)
+        if modes[i, 3] > 0 and modes[j, 3] > 0:
+            lane = item - pair * lanes
+            mode = place_of(modes, i)
+            total = evidence_of(scene, mode, True, place_of(modes, j), lane, lanes)
+            if total != 0:
+                wp.atomic_add(shared, i, j, total)
+
+
+@wp.func
+def beside(mode: wp.vec3i, k: int, step: int, factors: wp.array[int], lowest: int) -> wp.vec3i:
+    """Return the k-th of nine places that a mode climbs among: 0, then before, then behind."""
+    apart = scaled(FINE * step, factor_of(factors, lowest, mode[2]))
+    down = k // 3
+    along = k - 3 * down
+    if down == 2:
+        down = -1
+    if along == 2:
+        along = -1
+    return wp.vec3i(mode[0] - down * apart, mode[1] - along * apart, mode[2])
+
+
+@wp.kernel
+def _weigh_around(
+    stride: int,
+    first: int,
+    last: int,
+    lanes: int,
+    scene: Scene,
+    step: int,
+    least: int,
+    modes: wp.array2d[int],  # (T, 4)
+    evidence: wp.array[int],
+    # outputs
+    around: wp.array2d[int],  # (T, 9)
+):
+    for item in range(first + wp.tid(), last, stride):
+        place = item // lanes
+        t = place // CLIMBED
+        k = place - t * CLIMBED
+        if k > 0 and modes[t, 3] > 0 and evidence[t] >= least:
+            mode = beside(place_of(modes, t), k, step, scene.factors, scene.lowest)
+            total = evidence_of(scene, mode, False, mode, item - place * lanes, lanes)
+            if total != 0:
+                wp.atomic_add(around, t, k, total)
+
+
+@wp.kernel
+def _climb(
+    stride: int,
+    first: int,
+    last: int,
+    step: int,
+    least: int,
+    factors: wp.array[int],
+    lowest: int,
+    modes: wp.array2d[int],  # (T, 4)
+    evidence: wp.array[int],
+    around: wp.array2d[int],  # (T, 9)
+    # outputs
+    moved: wp.array2d[int],  # (T, 4)
+    found: wp.array[int],
+):
+    for t in range(first + wp.tid(), last, stride):
+        top = evidence[t]
+        best = int(0)
+        density = modes[t, 3]
+        if top < least:
+            density = int(0)
+        if density > 0:
+            for k in range(1, CLIMBED):
+                if around[t, k] > top:
+                    top = around[t, k]
+                    best = k
+        place = beside(place_of(modes, t), best, step, factors, lowest)
+        for k in range(3):
+            moved[t, k] = place[k]
+        moved[t, 3] = density
+        found[t] = top
+
+
+@wp.func
+def is_before(modes: wp.array2d[int], i: int, t: int) -> bool:
+    """Tell whether mode i is before mode t by row, column and scale."""
+    if modes[i, 0] != modes[t, 0]:
+        return modes[i, 0] < modes[t, 0]
+    if modes[i, 1] != modes[t, 1]:
+        return modes[i, 1] < modes[t, 1]
+    return modes[i, 2] < modes[t, 2]
+
+
+@wp.kernel
+def _rank(
+    stride: int,
+    first: int,
+    last: int,
+    modes: wp.array2d[int],  # (T, 4)
+    evidence: wp.array[int],
+    least: int,
+    # outputs
+    ranked: wp.array2d[int],  # (R, 4)
+    savings: wp.array[int],
+):
+    for t in range(first + wp.tid(), last, stride):
+        own = evidence[t]
+        if modes[t, 3] > 0 and own >= least:
+            rank = int(0)
+            for i in range(modes.shape[0]):
+                if modes[i, 3] > 0:
+                    other = evidence[i]
+                    if other > own or (other == own and is_before(modes, i, t)):
+                        rank += 1
+            if rank < savings.shape[0]:
+                for k in range(4):
+                    ranked[rank, k] = modes[t, k]
+                savings[rank] = own
+
+
+@wp.kernel
+def _explain(
+    stride: int,
+    first: int,
+    last: int,
+    ranked: wp.array2d[int],  # (R, 4)
+    savings: wp.array[int],
+    shared: wp.array2d[int],  # (R, R)
+    starts: wp.array[int],
+    least: int,
+    # outputs
+    left: wp.array[wp.int64],  # (R,): work space
+    found: wp.array2d[int],  # (R + 1, 4)
+):
+    count = int(0)
+    for i in range(ranked.shape[0]):
+        left[i] = wp.int64(savings[i])
+        if ranked[i, 3] > 0:
+            count += 1
+    chosen = int(0)
+    best = int(0)
+    while best >= 0:
+        best = int(-1)
+        for i in range(count):
+            if left[i] >= wp.int64(least) and (best < 0 or left[i] > left[wp.max(best, 0)]):
+                best = i
+        if best >= 0:
+            chosen += 1
+            for k in range(3):
+                found[chosen, k] = ranked[best, k]
+            found[chosen, 3] = int(left[best])
+            for i in range(count):
+                left[i] = left[i] - wp.int64(wp.max(shared[i, best], 0))
+            left[best] = wp.int64(least) - wp.int64(1)
+    found[0, 0] = chosen
+    found[0, 1] = starts[starts.shape[0] - 1]

@@ -23,6 +23,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 # Votes of a word, and votes that a maximum sees, roughly: for the number of threads only.
 VOTES_OF_WORD, VOTES_OF_MODE = 32, 1024
 AROUND = wp.constant(codes.AROUND)
+NOBODY = wp.constant(codes.NOBODY)
 MARKED = (2 * codes.AROUND + 1) ** 2
 BANDS = 4  # bands of cells of a thread on the CPU
 
@@ -90,7 +91,10 @@ def list_votes(
     starts: wp.array,
     votes: wp.array,
 ) -> None:
-    """List the votes of each cell with room, in any order: V rows of place, scale and weight."""
+    """List the votes of each cell with room, in any order: V rows of place, scale and weight.
+
+    Cells whose votes would lie behind the last row are left out.
+    """
     ballot = ballot_of(patches, occurrences, space, 1, starts)
     if not starts.device.is_cuda:
         _cast(ballot, [starts, starts, votes])
@@ -176,6 +180,61 @@ def _find(
             maxima[t, 3] = int(top // wp.int64(9))
 
 
+def select_maxima(maxima: wp.array, highest: wp.array) -> None:
+    """List the M largest of T maxima with a value above 0, in their order.
+
+    Of equal values the first are taken. Rows of `highest` (M, 4) behind the last are `NOBODY`.
+    """
+    if highest.device.is_cuda:
+        launch(cuda.select, cuda.SELECTORS, [maxima], [highest], cuda.SELECTORS)
+        return
+    launch_each(_select, 1, 1, [maxima], [highest])
+
+
+@wp.kernel
+def _select(
+    stride: int,
+    begin: int,
+    end: int,
+    maxima: wp.array2d[int],  # (T, 4)
+    # outputs
+    highest: wp.array2d[int],  # (M, 4)
+):
+    # Bisection finds the largest value that at least M maxima have.
+    count = int(maxima.shape[0])
+    most = int(highest.shape[0])
+    least = int(1)
+    top = int(0)
+    for t in range(count):
+        top = wp.max(top, maxima[t, 3])
+    while least < top:
+        middle = least + (top - least) // 2 + 1
+        there = int(0)
+        for t in range(count):
+            if maxima[t, 3] >= middle:
+                there += 1
+        if there >= most:
+            least = middle
+        else:
+            top = middle - 1
+    room = int(most)
+    for t in range(count):
+        if maxima[t, 3] > least:
+            room -= 1
+    place = int(0)
+    for t in range(count):
+        value = maxima[t, 3]
+        if value > least or (value == least and room > 0):
+            for k in range(4):
+                highest[place, k] = maxima[t, k]
+            place += 1
+            if value == least:
+                room -= 1
+    for t in range(place, most):
+        for k in range(4):
+            highest[t, k] = NOBODY
+
+
 def shift_modes(
     votes: wp.array,
     starts: wp.array,
@@ -196,3 +255,43 @@ def shift_modes(
         return
     parts = slabs(count, count * VOTES_OF_MODE)
     launch_slabs(cpu.shift, count, min(count, 8 * parts) if parts > 1 else 1, inputs, [modes])
+
+
+def single_modes(modes: wp.array, spans: wp.array, lowest: int, single: wp.array) -> None:
+    """Copy M modes; those outside of their span, or not the first at a place, get density 0.
+
+    `spans` (F, 4) are the least row and column, and the largest, at each scale from `lowest` on; if
+    there are none, all places are inside. A mode of density 0 is none.
+    """
+    count = modes.shape[0]
+    launch_each(_keep_single, count, count, [modes, spans, lowest], [single])
+
+
+@wp.kernel
+def _keep_single(
+    stride: int,
+    begin: int,
+    end: int,
+    modes: wp.array2d[int],  # (M, 4)
+    spans: wp.array2d[int],  # (F, 4)
+    lowest: int,
+    # outputs
+    single: wp.array2d[int],  # (M, 4)
+):
+    for t in range(begin + wp.tid(), end, stride):
+        y = modes[t, 0]
+        x = modes[t, 1]
+        z = modes[t, 2]
+        density = modes[t, 3]
+        if density > 0 and spans.shape[0] > 0:
+            f = wp.clamp(z - lowest, 0, spans.shape[0] - 1)
+            if y < spans[f, 0] or x < spans[f, 1] or y > spans[f, 2] or x > spans[f, 3]:
+                density = int(0)
+        if density > 0:
+            for i in range(t):
+                if modes[i, 3] > 0 and modes[i, 0] == y and modes[i, 1] == x and modes[i, 2] == z:
+                    density = int(0)
+        single[t, 0] = y
+        single[t, 1] = x
+        single[t, 2] = z
+        single[t, 3] = density

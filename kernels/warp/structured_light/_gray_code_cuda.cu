@@ -46,70 +46,66 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, int bits, int size, float 
         Codes::store(code + i, first + i, plane, joins, codes.data, valid.data);
 }
 
-// needs NONE, WORDS
-// The same for bytes and at most 16 bits: halves of a word are two of its four pixels.
+// needs NONE
+// The same for bytes and at most 16 bits: four pixels a thread, and halves of a word are two of them.
+// All frames are asked for before the first of them is used.
 void decode_bytes(wp::array_t<wp::uint8> frames, int begin, int bits, int size, float margin,
                   bool joins, wp::array_t<int> codes, wp::array_t<wp::uint8> valid) {
-    struct alignas(4 * WORDS) Pixels {
-        unsigned at[WORDS];
-    };
-    enum { QUAD = 4 * WORDS };
+    enum { MOST_BITS = 16 };
     const unsigned HALVES = 0x00ff00ffu;
     const size_t plane = (size_t)codes.shape[0] * codes.shape[1];
-    const size_t first = ((size_t)blockIdx.x * blockDim.x + threadIdx.x) * QUAD;
+    const size_t first = ((size_t)blockIdx.x * blockDim.x + threadIdx.x) * 4;
     if (first >= plane) return;
-    const bool whole = plane % QUAD == 0 && (size_t)frames.data % sizeof(Pixels) == 0;
-    unsigned least[2][WORDS], code[2][WORDS];
-    for (int w = 0; w < WORDS; ++w) {
-        least[0][w] = least[1][w] = HALVES;
-        code[0][w] = code[1][w] = 0;
-    }
-    const auto read = [&](const wp::uint8* from) {
-        Pixels pixels;
-        if (whole) return *(const Pixels*)from;
-        for (int w = 0; w < WORDS; ++w) pixels.at[w] = 0;
-        for (int i = 0; i < QUAD; ++i)
-            if (first + i < plane) pixels.at[i / 4] |= (unsigned)from[i] << 8 * (i % 4);
-        return pixels;
-    };
-#pragma unroll 4
-    for (int k = 0; k < bits; ++k) {
-        const wp::uint8* from = frames.data + (begin + 2 * k) * plane + first;
-        const Pixels pattern = read(from), inverse = read(from + plane);
+    const wp::uint8* from = frames.data + begin * plane + first;
+    unsigned pattern[MOST_BITS], inverse[MOST_BITS];
+    if (plane % 4 == 0 && (size_t)frames.data % 4 == 0) {
 #pragma unroll
-        for (int w = 0; w < WORDS; ++w) {
-            const unsigned p = pattern.at[w], q = inverse.at[w], apart = __vabsdiffu4(p, q);
+        for (int k = 0; k < MOST_BITS; ++k) {
+            const unsigned* words = (const unsigned*)(from + 2 * k * plane);
+            pattern[k] = k < bits ? *words : 0;
+            inverse[k] = k < bits ? words[plane / 4] : 0;
+        }
+    } else {
+        const int count = plane - first < 4 ? (int)(plane - first) : 4;
 #pragma unroll
-            for (int i = 0; i < 2; ++i) {
-                least[i][w] = __vminu2(least[i][w], apart >> 8 * i & HALVES);
-                // Bit 8 of a half: the inverse is at least as bright.
-                const unsigned dark = (q >> 8 * i & HALVES) + 0x01000100u - (p >> 8 * i & HALVES);
-                code[i][w] = 2 * code[i][w] + (dark >> 8 & 0x00010001u);
+        for (int k = 0; k < MOST_BITS; ++k) {
+            pattern[k] = inverse[k] = 0;
+            for (int i = 0; i < count && k < bits; ++i) {
+                pattern[k] |= (unsigned)from[2 * k * plane + i] << 8 * i;
+                inverse[k] |= (unsigned)from[(2 * k + 1) * plane + i] << 8 * i;
             }
+        }
+    }
+    unsigned least[2] = {HALVES, HALVES}, code[2] = {0, 0};
+#pragma unroll
+    for (int k = 0; k < MOST_BITS; ++k) {
+        if (k >= bits) break;
+        const unsigned p = pattern[k], q = inverse[k], apart = __vabsdiffu4(p, q);
+#pragma unroll
+        for (int i = 0; i < 2; ++i) {
+            least[i] = __vminu2(least[i], apart >> 8 * i & HALVES);
+            // Bit 8 of a half: the inverse is at least as bright.
+            const unsigned dark = (q >> 8 * i & HALVES) + 0x01000100u - (p >> 8 * i & HALVES);
+            code[i] = 2 * code[i] + (dark >> 8 & 0x00010001u);
         }
     }
     const int most = margin < 255.0f ? (int)margin : 255;  // margins are not negative
     const unsigned ones = ((1u << bits) - 1) * 0x10001u;
-    int found[QUAD];
+    int found[4];
 #pragma unroll
-    for (int w = 0; w < WORDS; ++w) {
-#pragma unroll
-        for (int i = 0; i < 2; ++i) {
-            unsigned both = ~code[i][w] & ones;
-            // The parity of a bit and of all above it.
-            both ^= both >> 1 & 0x7fff7fffu;
-            both ^= both >> 2 & 0x3fff3fffu;
-            both ^= both >> 4 & 0x0fff0fffu;
-            both ^= both >> 8 & 0x00ff00ffu;
-            const int low = both & 0xffff, high = both >> 16;
-            const int near = least[i][w] & 0xffff, far = least[i][w] >> 16;
-            found[4 * w + i] = near > most && low < size ? low : NONE;
-            found[4 * w + 2 + i] = far > most && high < size ? high : NONE;
-        }
+    for (int i = 0; i < 2; ++i) {
+        unsigned both = ~code[i] & ones;
+        // The parity of a bit and of all above it.
+        both ^= both >> 1 & 0x7fff7fffu;
+        both ^= both >> 2 & 0x3fff3fffu;
+        both ^= both >> 4 & 0x0fff0fffu;
+        both ^= both >> 8 & 0x00ff00ffu;
+        const int low = both & 0xffff, high = both >> 16;
+        const int near = least[i] & 0xffff, far = least[i] >> 16;
+        found[i] = near > most && low < size ? low : NONE;
+        found[2 + i] = far > most && high < size ? high : NONE;
     }
-#pragma unroll
-    for (int i = 0; i < QUAD; i += 4)
-        Codes::store(found + i, first + i, plane, joins, codes.data, valid.data);
+    Codes::store(found, first, plane, joins, codes.data, valid.data);
 }
 
 // needs TYPE

@@ -17,16 +17,7 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequen
     const bool whole = plane % QUAD == 0 && (size_t)frames.data % sizeof(Pixels) == 0;
     const int steps = waves.shape[0];
     const float number = (float)steps, infinity = __int_as_float(0x7f800000);
-    // Four steps whose sines are 0, 1, 0, -1, as of bytes, are differences of whole numbers.
-    bool quarters = sizeof(TYPE) < 4 && steps == 4;
-    for (int n = 0; n < 4 && quarters; ++n) {
-        quarters = waves.data[2 * n] == (float)(n == 1) - (float)(n == 3) &&
-                   waves.data[2 * n + 1] == (float)(n == 0) - (float)(n == 2);
-    }
     const TYPE* from = frames.data + begin * plane + here;
-    float place[QUAD], angle[QUAD], least[QUAD];
-    bool seen[QUAD];
-    for (int i = 0; i < QUAD; ++i) place[i] = angle[i] = 0.0f, least[i] = infinity, seen[i] = true;
     const auto read = [&]() {
         Pixels pixels;
         if (whole) {
@@ -37,13 +28,34 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequen
         from += plane;
         return pixels;
     };
+    Pixels next[4];
+    bool quarters = sizeof(TYPE) < 4 && steps == 4;
+    if (quarters) {
+#pragma unroll
+        for (int n = 0; n < 4; ++n) next[n] = read();
+        // Steps whose sines are 0, 1, 0, -1, as of bytes, give differences of whole numbers.
+#pragma unroll
+        for (int n = 0; n < 4; ++n) {
+            quarters = quarters & (waves.data[2 * n] == (float)(n == 1) - (float)(n == 3)) &
+                       (waves.data[2 * n + 1] == (float)(n == 0) - (float)(n == 2));
+        }
+        if (!quarters) from -= 4 * plane;
+    }
+    float place[QUAD], angle[QUAD], least[QUAD];
+    bool seen[QUAD];
+    for (int i = 0; i < QUAD; ++i) place[i] = angle[i] = 0.0f, least[i] = infinity, seen[i] = true;
     for (int j = 0; j < frequencies.shape[0]; ++j) {
         float s[QUAD], c[QUAD];
         if (quarters) {
-            const Pixels p0 = read(), p1 = read(), p2 = read(), p3 = read();
+#pragma unroll
             for (int i = 0; i < QUAD; ++i) {
-                s[i] = (float)((int)p1.at[i] - (int)p3.at[i]);
-                c[i] = (float)((int)p0.at[i] - (int)p2.at[i]);
+                s[i] = Fringe::light(next[1].at, i) - Fringe::light(next[3].at, i);
+                c[i] = Fringe::light(next[0].at, i) - Fringe::light(next[2].at, i);
+            }
+            // The frames of the next frequency come while this one is decoded.
+            if (j + 1 < frequencies.shape[0]) {
+#pragma unroll
+                for (int n = 0; n < 4; ++n) next[n] = read();
             }
         } else {
             for (int i = 0; i < QUAD; ++i) s[i] = c[i] = 0.0f;
@@ -61,11 +73,11 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, wp::array_t<float> frequen
         float turns[QUAD];
 #pragma unroll
         for (int i = 0; i < QUAD; ++i) {
-            const float r = Fringe::angle(s[i], c[i]);
+            const float r = Fringe::angle(s[i], c[i], quarters);
             angle[i] = r;
             // Roots and quotients keep the order, so those of the least square are the least ones.
             const float square = c[i] * c[i] + s[i] * s[i];
-            seen[i] = seen[i] && square < infinity;  // false for NaN
+            seen[i] = seen[i] && (quarters || square < infinity);  // false for NaN
             least[i] = square < least[i] ? square : least[i];
             const float p = r * TURN;
             const float k = j ? floorf(f * place[i] - p + 0.5f) : p < 0.0f ? 1.0f : 0.0f;

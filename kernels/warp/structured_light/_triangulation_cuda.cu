@@ -1,8 +1,8 @@
-#include "_triangulation.h"
+#include "_meeting_cuda.h"
 
-// needs NEWTON_STEPS, WIDEST, LENS_STEPS, NEAR, STOPS, STILL, AXIS, RUN
-// The points of RUN neighbouring pixels of a row: the first needs several steps of Newton's method,
-// the next ones begin where their neighbours ended and mostly need one.
+// needs RUN
+// The points of RUN neighbouring pixels of a row, four at once. The first pixel alone needs several
+// steps of Newton's method; four begin where the one before them ended, and mostly need one.
 void intersect_run(wp::array_t<float> places, wp::array_t<wp::uint8> valid,
                    wp::array_t<float> lenses, wp::array_t<float> pose, wp::array_t<float> points) {
     const int width = places.shape[1], runs = (width + RUN - 1) / RUN;
@@ -14,35 +14,48 @@ void intersect_run(wp::array_t<float> places, wp::array_t<wp::uint8> valid,
     // Four pixels are read and written at once where all are aligned.
     const bool whole = width % 4 == 0 && (size_t)places.data % 16 == 0 &&
                        (size_t)points.data % 16 == 0 && (size_t)valid.data % 4 == 0;
-    float ray[2] = {0.0f, 0.0f}, line[1] = {0.0f}, lens[18], to[12];
+    float place[RUN];
+    bool known[RUN];
 #pragma unroll
-    for (int k = 0; k < 18; ++k) lens[k] = lenses.data[k];
-#pragma unroll
-    for (int k = 0; k < 12; ++k) to[k] = pose.data[k];
-    for (int k = 0; k < RUN && j + k < width; k += 4) {
-        float place[4], point[12];
-        bool known[4];
-        if (whole) {
+    for (int k = 0; k < RUN; k += 4) {
+        if (whole && j + k < width) {
             const float4 four = *(const float4*)(places.data + here + k);
             const uchar4 some =
                 all ? make_uchar4(1, 1, 1, 1) : *(const uchar4*)(valid.data + here + k);
-            place[0] = four.x, place[1] = four.y, place[2] = four.z, place[3] = four.w;
-            known[0] = some.x, known[1] = some.y, known[2] = some.z, known[3] = some.w;
+            place[k] = four.x, place[k + 1] = four.y, place[k + 2] = four.z, place[k + 3] = four.w;
+            known[k] = some.x, known[k + 1] = some.y, known[k + 2] = some.z, known[k + 3] = some.w;
         } else {
-            for (int n = 0; n < 4; ++n) {
-                const bool inside = j + k + n < width;
-                place[n] = inside ? places.data[here + k + n] : -1.0f;
-                known[n] = inside && (all || valid.data[here + k + n]);
+            for (int n = k; n < k + 4; ++n) {
+                const bool inside = j + n < width;
+                place[n] = inside ? places.data[here + n] : -1.0f;
+                known[n] = inside && (all || valid.data[here + n]);
             }
         }
+    }
+    const Meeting light(lenses.data, pose.data);
+    const float height = light.down((float)i), middle = light.across((float)j);
+    float ray[2] = {middle, height}, line = 0.0f, first;
+#pragma unroll
+    for (int k = 0; k < RUN; ++k) known[k] = known[k] && place[k] >= -0.5f;
+    light.straighten(1, &middle, height, ray, ray + 1);
+    if (known[0]) light.meet(1, ray, ray + 1, place, known, line, &first);
+    ray[0] -= middle, ray[1] -= height;
+#pragma unroll
+    for (int k = 0; k < RUN; k += 4) {
+        if (j + k >= width) break;
+        float wanted[4], x[4], y[4], depth[4], point[12];
 #pragma unroll
         for (int n = 0; n < 4; ++n) {
-            float x, y, depth = 0.0f;
-            Light::straighten(lens, (float)i, (float)(j + k + n), ray, x, y);
-            if (place[n] >= -0.5f && known[n])
-                depth = Light::meet(lens + 9, to, AXIS, place[n], line, x, y);
-            depth = depth > 0.0f ? depth : __int_as_float(0x7fc00000);
-            point[3 * n] = depth * x, point[3 * n + 1] = depth * y, point[3 * n + 2] = depth;
+            wanted[n] = light.across((float)(j + k + n));
+            x[n] = wanted[n] + ray[0], y[n] = height + ray[1];
+        }
+        light.straighten(4, wanted, height, x, y);
+        ray[0] = x[3] - wanted[3], ray[1] = y[3] - height;
+        light.meet(4, x, y, place + k, known + k, line, depth);
+#pragma unroll
+        for (int n = 0; n < 4; ++n) {
+            const float z = depth[n] > 0.0f ? depth[n] : __int_as_float(0x7fc00000);
+            point[3 * n] = z * x[n], point[3 * n + 1] = z * y[n], point[3 * n + 2] = z;
         }
         float* out = points.data + 3 * (here + k);
         if (whole) {

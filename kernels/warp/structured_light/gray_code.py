@@ -1,7 +1,7 @@
 """Decoding of Gray codes in photographs of a projector's patterns, in Warp.
 
 The Taichi set has the equation. All frames of a pixel are read once. On the CPU a thread decodes a
-slab of rows, one row at a time; on CUDA it decodes eight neighbouring pixels.
+slab of rows, one row at a time; on CUDA it decodes eight neighbouring pixels, of bytes four.
 """
 
 from functools import lru_cache
@@ -16,7 +16,6 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 wp.set_module_options({"enable_backward": False})
 
 _QUAD = 8  # pixels of a thread on CUDA
-_WORDS = 2  # words of four pixels of a thread on CUDA, for bytes
 
 
 def decode(
@@ -37,7 +36,7 @@ def decode(
     if codes.device.is_cuda:
         packed = frames.dtype is wp.uint8 and bits <= 16
         kernel = _decode_bytes_cuda() if packed else _decode_cuda(frames.dtype)
-        launch(kernel, -(-codes.size // (4 * _WORDS if packed else _QUAD)), inputs, outputs)
+        launch(kernel, -(-codes.size // (4 if packed else _QUAD)), inputs, outputs)
         return
     height = codes.shape[0]
     launch_slabs(
@@ -127,7 +126,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _decode_bytes_cuda() -> wp.Kernel:
-    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, NONE=NONE, WORDS=_WORDS)
+    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, NONE=NONE)
     def decode_bytes(
         frames: wp.array3d[wp.uint8],
         begin: int,

@@ -15,10 +15,10 @@ from cvkern.kernels.warp.geometry._lens import NEWTON_STEPS, WIDEST
 
 OPTIONS = {"enable_backward": False}
 EXACT = OPTIONS | {"fuse_fp": False}
-# STILL: the square of this step, by which the next one would be shorter, is below a rounding.
 _RUN = 8  # pixels of a thread on CUDA
 _NUMBERS = {"NEWTON_STEPS": NEWTON_STEPS, "WIDEST": f"{WIDEST:.1f}f", "LENS_STEPS": LENS_STEPS,
-            "NEAR": f"{NEAR}f", "STILL": "1e-4f"}  # fmt: skip
+            "NEAR": f"{NEAR}f"}  # fmt: skip
+_STILL = "1e-4f"  # the square of this step, of the size of the next one, is below a rounding
 
 
 def intersect(
@@ -45,7 +45,7 @@ def intersect(
 
 @lru_cache
 def _intersect_cpu(axis: int) -> wp.Kernel:
-    native = _native.func_native("_triangulation_cpu.h", AXIS=axis, STOPS=0, **_NUMBERS)
+    native = _native.func_native("_triangulation_cpu.h", AXIS=axis, **_NUMBERS)
 
     @native
     def intersect_row(
@@ -77,7 +77,9 @@ def _intersect_cpu(axis: int) -> wp.Kernel:
 
 @lru_cache
 def _intersect_cuda(axis: int) -> wp.Kernel:
-    @_native.kernel("_triangulation_cuda.cu", OPTIONS, AXIS=axis, STOPS=1, RUN=_RUN, **_NUMBERS)
+    @_native.kernel(
+        "_triangulation_cuda.cu", OPTIONS, AXIS=axis, STILL=_STILL, RUN=_RUN, **_NUMBERS
+    )
     def intersect_run(
         places: wp.array2d[float],
         valid: wp.array2d[wp.uint8],

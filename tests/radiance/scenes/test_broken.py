@@ -370,3 +370,24 @@ def test_depths_of_unequal_size(tmp_path):
     write_image(tmp_path / "images" / "v002_depth.png", np.zeros((HEIGHT, WIDTH + 1), np.uint8))
     with pytest.raises(ValueError, match=r"v002_depth\.png must be \(12, 20\), got \(12, 21\)"):
         load_scene(tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["text", "binary"])
+def test_colmap_names_photographs_in_its_folder(tmp_path, kind):
+    write = text_model if kind == "text" else binary_model
+    images = some_images()
+    inside, (beside,) = (
+        write_images(tmp_path / "a/images", images),
+        write_images(tmp_path / "a/other", images[:1]),
+    )
+    for n, name in enumerate((f"../other/{beside}", str(tmp_path / "a/other" / beside))):
+        write(tmp_path / f"a/{n}/sparse", [name, *inside[1:]], some_poses())
+        (tmp_path / f"a/{n}/images").symlink_to(tmp_path / "a/images")
+        with pytest.raises(
+            ValueError, match=r"images\.\w+ must name photographs in its folder, got"
+        ):
+            load_scene(tmp_path / f"a/{n}")
+    assert len(load_scene(tmp_path / "a/1", outside=True)) == COUNT
+    write(tmp_path / "a/long/sparse", ["x" * 5000, *inside[1:]], some_poses())
+    with pytest.raises(ValueError, match="scene must name photographs, got 'xxx"):
+        load_scene(tmp_path / "a/long")

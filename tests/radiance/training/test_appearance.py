@@ -67,7 +67,7 @@ def test_gradients_are_central_differences():
     d_color, d_opacity, active = on_device(rt, c.gradients, first, np.array([ACTIVE]))
     d_table = owned(rt, np.full((IMAGES, 12), np.nan, np.float32))
     rt.radiance.appearance.backward(
-        color, opacity, views, table, active, d_color, d_opacity, d_table
+        color, opacity, views, table, active, d_color, d_opacity, rt.zeros((7, IMAGES, 12)), d_table
     )
     given = [c.color, c.opacity, c.table]
     found = [rt.to_numpy(d_color), rt.to_numpy(d_opacity) - first, rt.to_numpy(d_table)]
@@ -185,7 +185,8 @@ def test_refusals(scenes, model):
     held = int(np.flatnonzero(clean.test)[0])
     image = clean.images[0]
     for message, given in (
-        ("appearance must be one of", {"appearance": "embedding"}),
+        ("appearance must be one of", {"appearance": "linear"}),
+        ("appearance must be 'affine' for a field without", {"appearance": "embedding"}),
         ("gauge must go with an appearance, got 1 alone", {"gauge": 1}),
         ("gauge must be a photograph that is trained on", {"appearance": "affine", "gauge": held}),
         ("gauge must be in", {"appearance": "affine", "gauge": 18}),
@@ -196,7 +197,7 @@ def test_refusals(scenes, model):
     for light in (np.zeros((2, 4)), np.full((3, 4), np.nan), 99):
         with pytest.raises(ValueError, match="appearance must be"):
             render(model, clean.cameras, appearance=light)
-    with pytest.raises(ValueError, match="appearance must have one matrix for each of 18 frames"):
+    with pytest.raises(ValueError, match="appearance must have one light for each of 18 frames"):
         render_path(model, clean.cameras, "film.gif", appearance=np.zeros((2, 3, 4)))
     with pytest.raises(TypeError, match="image must be uint8"):
         fit_appearance(model, image / 255, clean.cameras)

@@ -31,19 +31,20 @@ DESCRIBE = {
 }
 
 
-@_native.func_native(FILE, **ORIENT)
+@_native.each(FILE, **ORIENT)
 def orient_one(
     k: int,
     octaves: wp.array2d[wp.int64],
     windows: wp.array2d[int],
     spreads: wp.array[float],
     one: float,
+    # outputs
     angles: wp.array2d[float],
     counts: wp.array[int],
 ): ...
 
 
-@_native.func_native(FILE, **DESCRIBE)
+@_native.each(FILE, **DESCRIBE)
 def describe_one(
     k: int,
     octaves: wp.array2d[wp.int64],
@@ -51,39 +52,6 @@ def describe_one(
     turns: wp.array2d[float],
     one: float,
     root: int,
+    # outputs
     descriptors: wp.array2d[wp.uint8],
 ): ...
-
-
-@wp.kernel
-def orient(
-    slab: int,
-    first: int,
-    last: int,
-    octaves: wp.array2d[wp.int64],
-    windows: wp.array2d[int],
-    spreads: wp.array[float],
-    one: float,
-    # outputs
-    angles: wp.array2d[float],
-    counts: wp.array[int],
-):
-    for k in range(first, last):
-        orient_one(k, octaves, windows, spreads, one, angles, counts)
-
-
-@wp.kernel
-def describe(
-    slab: int,
-    first: int,
-    last: int,
-    octaves: wp.array2d[wp.int64],
-    windows: wp.array2d[int],
-    turns: wp.array2d[float],
-    one: float,
-    root: int,
-    # outputs
-    descriptors: wp.array2d[wp.uint8],
-):
-    for k in range(first, last):
-        describe_one(k, octaves, windows, turns, one, root, descriptors)

@@ -14,87 +14,48 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 FILE = "_extrema_cpu.h"
 
 
-@_native.func_native(FILE)
-def double_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
-
-
-@_native.func_native(FILE)
-def mark_row(
-    row: int,
-    levels: wp.array3d[float],
-    threshold: float,
-    margin: int,
-    words: wp.array3d[int],
-    counts: wp.array[int],
-): ...
-
-
-@_native.func_native(FILE)
-def halve_row(row: int, src: wp.array2d[float], dst: wp.array2d[float]): ...
-
-
-@_native.func_native(
+@_native.each(
     FILE,
     MOST_GRAY=f"{MOST_GRAY}f",
     **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
 )
-def gray_row(row: int, src: wp.array3d[float], scale: float, dst: wp.array2d[float]): ...
-
-
-@wp.kernel
-def gray(
-    slab: int,
-    first: int,
-    last: int,
+def gray_row(
+    row: int,
     src: wp.array3d[float],  # (H, W, C)
     scale: float,
     # outputs
     dst: wp.array2d[float],  # (H, W)
-):
-    for row in range(first, last):
-        gray_row(row, src, scale, dst)
+): ...
 
 
-@wp.kernel
-def halve(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE)
+def halve_row(
+    row: int,
     src: wp.array2d[float],
     # outputs
     dst: wp.array2d[float],
-):
-    for row in range(first, last):
-        halve_row(row, src, dst)
+): ...
 
 
-@wp.kernel
-def double(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE)
+def double_row(
+    row: int,
     src: wp.array2d[float],  # (H, W)
     # outputs
     dst: wp.array2d[float],  # (2 H, 2 W)
-):
-    for row in range(first, last):
-        double_row(row, src, dst)
+): ...
 
 
-@wp.kernel
-def mark(
-    slab: int,
-    first: int,
-    last: int,
+@_native.each(FILE)
+def mark_row(
+    row: int,
     levels: wp.array3d[float],  # (L, H, W)
     threshold: float,
     margin: int,
     # outputs
     words: wp.array3d[int],  # (L - 3, H, ceil(W / 32))
     counts: wp.array[int],
-):
-    for row in range(first, last):
-        mark_row(row, levels, threshold, margin, words, counts)
+): ...
 
 
 @_native.func_native("_refinement.h")

@@ -1,76 +1,83 @@
 #include "_moves_cuda.h"
 
-// needs LEVELS, ROWS
-// Find extrema among 26 neighbours, and queue their octave, level, row and column for `move`; for
-// those that find no room do its work. A warp takes 32 columns of ROWS rows of an octave, and keeps
-// the maxima and minima of three columns, of this row and of those before.
-void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float edge, int margin,
-          wp::array_t<int> queue, wp::array_t<int> number, wp::array_t<int> words,
-          wp::array_t<int> counts) {
+// needs COLUMNS, LEVELS, ROWS
+// Count extrema among 26 neighbours, and queue octave, level, row and column of those that find
+// room. A warp takes ROWS rows of COLUMNS columns inside the margin of an
+// octave, and its outer lanes the columns beside them. It loads each row while it compares the one
+// before, and keeps the maxima and minima of three columns, of this row and of those before.
+void mark(wp::array_t<wp::int64> octaves, float threshold, int margin, wp::array_t<int> queue,
+          wp::array_t<int> number) {
     enum { D = LEVELS + 2 };
     const int lane = threadIdx.x % 32;
-    int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) / 32), o = 0;
+    int item = (int)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) / 32), o = 0, across;
     const wp::int64* octave = octaves.data;
     for (;; octave += 4, ++o) {
         if (o == octaves.shape[0]) return;  // the whole warp
-        const int stored = ((int)octave[3] + 31) / 32;
-        const int items = ((int)octave[2] + ROWS - 1) / ROWS * stored;
+        const int tall = max((int)octave[2] - 2 * margin, 0);
+        across = (max((int)octave[3] - 2 * margin, 0) + COLUMNS - 1) / COLUMNS;
+        const int items = (tall + ROWS - 1) / ROWS * across;
         if (item < items) break;
         item -= items;
     }
-    const float* const base = (const float*)octave[0];
-    const int height = (int)octave[2], width = (int)octave[3], stored = (width + 31) / 32;
+    const int height = (int)octave[2], width = (int)octave[3];
     const size_t plane = (size_t)height * width;
-    const int top = item / stored * ROWS, bottom = min(top + ROWS, height);
-    const int left = item % stored * 32, x = left + lane, at = min(x, width - 1);
-    // The first and the last lane load their neighbours outside.
-    const bool outer = lane == 0 || lane == 31;
-    const int beside = lane == 0 ? max(left - 1, 0) : min(left + 32, width - 1);
-    const bool inside = x >= margin && x < width - margin;
+    const int top = margin + item / across * ROWS, bottom = min(top + ROWS, height - margin);
+    const int x = margin + item % across * COLUMNS + lane - 1;
+    const bool inside = lane > 0 && lane <= COLUMNS && x < width - margin;
+    // The margin is at least one pixel, so that only columns behind the last one are cut off.
+    const float* from = (const float*)octave[0] + (size_t)(top - 1) * width + min(x, width - 1);
+    float ahead[D + 1];
+#pragma unroll
+    for (int l = 0; l <= D; ++l) ahead[l] = __ldg(from + l * plane);
     float high[2][D], low[2][D], middle[LEVELS];  // extrema in the two rows before
+#pragma unroll 2
     for (int y = top - 1; y <= bottom; ++y) {
-        const size_t begin = (size_t)min(max(y, 0), height - 1) * width;
         float value[D], most[D], least[D];
-        float before = __ldg(base + begin + at), other = 0.0f;
-        if (outer) other = __ldg(base + begin + beside);
+#pragma unroll
+        for (int l = 0; l < D; ++l) value[l] = ahead[l + 1] - ahead[l];
+        if (y < bottom) from += width;
+#pragma unroll
+        for (int l = 0; l <= D; ++l) ahead[l] = __ldg(from + l * plane);
 #pragma unroll
         for (int l = 0; l < D; ++l) {
-            const float* const p = base + (l + 1) * plane + begin;
-            const float next = __ldg(p + at), next_other = outer ? __ldg(p + beside) : 0.0f;
-            value[l] = next - before;
-            const float far = next_other - other;
-            before = next, other = next_other;
-            float a = __shfl_up_sync(~0u, value[l], 1), b = __shfl_down_sync(~0u, value[l], 1);
-            a = lane == 0 ? far : a, b = lane == 31 ? far : b;
+            const float a = __shfl_up_sync(~0u, value[l], 1);
+            const float b = __shfl_down_sync(~0u, value[l], 1);
             most[l] = fmaxf(fmaxf(a, b), value[l]), least[l] = fminf(fminf(a, b), value[l]);
         }
-        const int r = y - 1;
-        if (y > top && r >= margin && r < height - margin) {
+        bool large = false;
+#pragma unroll
+        for (int s = 0; s < LEVELS; ++s) large = large || fabsf(middle[s]) > threshold;
+        if (y > top && __any_sync(~0u, inside && large)) {
             float up[D], down[D];
 #pragma unroll
             for (int l = 0; l < D; ++l) {
                 up[l] = fmaxf(fmaxf(high[0][l], high[1][l]), most[l]);
                 down[l] = fminf(fminf(low[0][l], low[1][l]), least[l]);
             }
+            unsigned all[LEVELS];
+            int found = 0;
 #pragma unroll
             for (int s = 1; s <= LEVELS; ++s) {
                 const float v = middle[s - 1];
-                const bool found =
+                const bool extreme =
                     inside &&
                     ((v > threshold && v >= fmaxf(fmaxf(up[s - 1], up[s]), up[s + 1])) ||
                      (v < -threshold && v <= fminf(fminf(down[s - 1], down[s]), down[s + 1])));
-                const unsigned all = __ballot_sync(~0u, found);
-                if (all == 0) continue;
+                all[s - 1] = __ballot_sync(~0u, extreme);
+                found += __popc(all[s - 1]);
+            }
+            if (found) {
                 int place = 0;
-                if (lane == 0) place = atomicAdd(number.data, __popc(all));
-                place = __shfl_sync(~0u, place, 0) + __popc(all & ((1u << lane) - 1));
-                if (!found) continue;
-                const int4 cell = make_int4(o, s, r, x);
-                if (place < queue.shape[0])
-                    ((int4*)queue.data)[place] = cell;
-                else
-                    Moves::keep(octaves.data, cell, contrast, edge, margin, words.data,
-                                counts.data);
+                if (lane == 0) place = atomicAdd(number.data, found);
+                place = __shfl_sync(~0u, place, 0);
+#pragma unroll
+                for (int s = 1; s <= LEVELS; ++s) {
+                    const unsigned here = all[s - 1];
+                    const int at = place + __popc(here & ((1u << lane) - 1));
+                    place += __popc(here);
+                    if (!(here >> lane & 1)) continue;
+                    if (at < queue.shape[0]) ((int4*)queue.data)[at] = make_int4(o, s, y - 1, x);
+                }
             }
         }
 #pragma unroll
@@ -83,12 +90,38 @@ void mark(wp::array_t<wp::int64> octaves, float threshold, float contrast, float
     }
 }
 
-// Move the queued extrema to where their fits end. Of a grid of any size, a thread takes several.
-void move(wp::array_t<wp::int64> octaves, float contrast, float edge, int margin,
+// Move extrema to where their fits end: the queued ones, or all if some found no room. Of a grid of
+// any size, a thread takes several.
+void move(wp::array_t<wp::int64> octaves, float threshold, float contrast, float edge, int margin,
           wp::array_t<int> queue, wp::array_t<int> number, wp::array_t<int> words,
           wp::array_t<int> counts) {
-    const int last = min(number.data[0], queue.shape[0]);
-    for (int n = blockIdx.x * blockDim.x + threadIdx.x; n < last; n += gridDim.x * blockDim.x)
-        Moves::keep(octaves.data, ((const int4*)queue.data)[n], contrast, edge, margin, words.data,
-                    counts.data);
+    const size_t thread = blockIdx.x * (size_t)blockDim.x + threadIdx.x;
+    const size_t threads = gridDim.x * (size_t)blockDim.x;
+    const int last = number.data[0];
+    if (last <= queue.shape[0]) {
+        for (size_t n = thread; n < last; n += threads)
+            Moves::keep(octaves.data, ((const int4*)queue.data)[n], contrast, edge, margin,
+                        words.data, counts.data);
+        return;
+    }
+    for (int o = 0; o < octaves.shape[0]; ++o) {
+        const wp::int64* const octave = octaves.data + 4 * (size_t)o;
+        const size_t height = octave[2], width = octave[3], plane = height * width;
+        for (size_t n = thread; n < octave[1] * plane; n += threads) {
+            const int s = (int)(n / plane) + 1, y = (int)(n / width % height), x = (int)(n % width);
+            if (y < margin || y >= height - margin || x < margin || x >= width - margin) continue;
+            const float* const from = (const float*)octave[0] + n + plane;
+            const float v = from[plane] - from[0];
+            bool most = v > threshold, least = v < -threshold;
+            for (int k = 0; k < 27 && (most || least); ++k) {
+                const float* const p = from + (k / 9 - 1) * (long long)plane +
+                                       (k / 3 % 3 - 1) * (long long)width + (k % 3 - 1);
+                const float other = p[plane] - p[0];
+                most = most && v >= other, least = least && v <= other;
+            }
+            if (most || least)
+                Moves::keep(octaves.data, make_int4(o, s, y, x), contrast, edge, margin, words.data,
+                            counts.data);
+        }
+    }
 }

@@ -1,6 +1,6 @@
 """Extrema of a scale space on CUDA. The Taichi set has the rule.
 
-A thread takes a pixel; in `mark` a warp takes 32 columns, and goes down the rows. Its code
+A thread takes a pixel; in `mark` a warp takes 30 columns, and goes down the rows. Its code
 (_extrema_cuda.cu) is native, because a warp's lanes exchange what they load.
 """
 
@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import warp as wp
 
-from cvkern.kernels.codes.features import GRAY, MOST_GRAY, MOVES, WORD
+from cvkern.kernels.codes.features import GRAY, MOST_GRAY, MOVES
 from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -17,9 +17,10 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 # Blocks are numbered along one axis.
 _OPTIONS = {"enable_backward": False, "fuse_fp": False, "default_grid_stride": False}
 ROWS = 16  # rows that a warp goes down
+COLUMNS = 30  # columns of a warp; its outer lanes have those beside them
 MOVING = 1 << 16  # threads that move extrema
 BLOCK = 128  # threads of a block that marks
-REGISTERS = (BLOCK, 5)  # five blocks per multiprocessor: 96 registers a thread
+REGISTERS = (BLOCK, 6)  # six blocks per multiprocessor: 80 registers a thread
 BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
@@ -64,20 +65,21 @@ def mark(levels: int) -> wp.Kernel:
     """Return the kernel for octaves with so many inner levels."""
 
     @_native.kernel(
-        "_extrema_cuda.cu", _OPTIONS, launch_bounds=REGISTERS, LEVELS=levels, MOVES=MOVES, ROWS=ROWS
+        "_extrema_cuda.cu",
+        _OPTIONS,
+        launch_bounds=REGISTERS,
+        COLUMNS=COLUMNS,
+        LEVELS=levels,
+        ROWS=ROWS,
+        MOVES=MOVES,
     )
     def mark(
         octaves: wp.array2d[wp.int64],  # (O, 4)
         threshold: float,
-        contrast: float,
-        edge: float,
         margin: int,
-        # scratch
+        # outputs
         queue: wp.array2d[int],  # (Q, 4)
         number: wp.array[int],  # cleared
-        # outputs, cleared
-        words: wp.array[int],
-        counts: wp.array[int],  # (rows,)
     ): ...
 
     return mark
@@ -86,18 +88,20 @@ def mark(levels: int) -> wp.Kernel:
 @_native.kernel("_extrema_cuda.cu", _OPTIONS, MOVES=MOVES)
 def move(
     octaves: wp.array2d[wp.int64],
+    threshold: float,
     contrast: float,
     edge: float,
     margin: int,
     queue: wp.array2d[int],
     number: wp.array[int],
-    # outputs
+    # outputs, cleared
     words: wp.array[int],
-    counts: wp.array[int],
+    counts: wp.array[int],  # (rows,)
 ): ...
 
 
-def threads(octaves: Sequence[wp.array]) -> int:
-    """Return the threads of a launch of `mark`: a warp for 32 columns of `ROWS` rows."""
-    warps = sum(-(-o.shape[1] // ROWS) * -(-o.shape[2] // WORD) for o in octaves)
-    return -(-warps * WORD // BLOCK) * BLOCK
+def threads(octaves: Sequence[wp.array], margin: int) -> int:
+    """Return the threads of a launch of `mark`: a warp for 30 columns of `ROWS` rows."""
+    inner = ([max(side - 2 * margin, 0) for side in octave.shape[1:]] for octave in octaves)
+    warps = sum(-(-height // ROWS) * -(-width // COLUMNS) for height, width in inner)
+    return -(-warps * 32 // BLOCK) * BLOCK

@@ -35,7 +35,7 @@ def orient(
     if windows.device.is_cuda:
         launch(cuda.orient, count * cuda.THREADS, inputs, [angles, counts], cuda.THREADS)
         return
-    launch_slabs(cpu.orient, count, _parts(count), inputs, [angles, counts])
+    launch_slabs(cpu.orient_one, count, _parts(count), inputs, [angles, counts])
 
 
 def describe(
@@ -52,7 +52,7 @@ def describe(
     if windows.device.is_cuda:
         launch(cuda.describe, count * cuda.THREADS, inputs, [descriptors], cuda.THREADS)
         return
-    launch_slabs(cpu.describe, count, _parts(count), inputs, [descriptors])
+    launch_slabs(cpu.describe_one, count, _parts(count), inputs, [descriptors])
 
 
 def _parts(count: int) -> int:

@@ -32,7 +32,7 @@ def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.gray, dst.shape, [src, scale], [dst])
         return
-    launch_slabs(cpu.gray, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
+    launch_slabs(cpu.gray_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
 
 
 def double(src: wp.array, dst: wp.array) -> None:
@@ -40,7 +40,7 @@ def double(src: wp.array, dst: wp.array) -> None:
     if dst.device.is_cuda:
         launch(cuda.double, src.shape, [src], [dst])
         return
-    launch_slabs(cpu.double, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+    launch_slabs(cpu.double_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> None:
@@ -67,7 +67,7 @@ def fill_octaves(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.a
 
 
 def _halve(src: wp.array, dst: wp.array) -> None:
-    launch_slabs(cpu.halve, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
+    launch_slabs(cpu.halve_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src], [dst])
 
 
 def mark_keypoints(
@@ -90,17 +90,16 @@ def mark_keypoints(
         number = scratch("keypoints.number", (1,), wp.int32, device)
         clear(number)
         mark, tables = cuda.mark(octaves[0].shape[0] - 3), table(octaves)
-        queued = [queue, number]
-        inputs = [tables, *limits, margin, *queued]
-        launch(mark, cuda.threads(octaves), inputs, [words, ends], cuda.BLOCK)
-        inputs = [tables, limits.contrast, limits.edge, margin, *queued]
+        inputs = [tables, limits.threshold, margin]
+        launch(mark, cuda.threads(octaves, margin), inputs, [queue, number], cuda.BLOCK)
+        inputs = [tables, *limits, margin, queue, number]
         launch(cuda.move, cuda.MOVING, inputs, [words, ends])
         add_up(ends)
         return
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
         inputs = [levels, limits.threshold, margin]
         height = levels.shape[1]
-        launch_slabs(cpu.mark, height, slabs(height, levels.size), inputs, [marks, counts])
+        launch_slabs(cpu.mark_row, height, slabs(height, levels.size), inputs, [marks, counts])
     add_up(ends)
     total = int(ends.numpy()[-1])
     cells = scratch("keypoints.extrema", (max(total, 1), 4), wp.int32, words.device)[:total]

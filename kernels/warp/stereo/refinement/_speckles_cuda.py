@@ -1,7 +1,7 @@
 """Speckles on CUDA: a tree of labels for each region, as in edges/_masks_cuda.py.
 
-One thread per pixel. The threads of a warp find the begin of their run by a ballot, which needs
-native code.
+One thread per pixel. The threads of a warp find the begin of their run by a ballot, and those of
+one label, which needs native code.
 """
 
 import warp as wp
@@ -22,6 +22,10 @@ def joined(disparity: wp.array2d[float], y: int, x: int, dy: int, dx: int, most:
 
 @_native.func_native("_speckles_cuda.cu")
 def start_of_run(pixel: int, pixels: int, begins: bool) -> int: ...
+
+
+@_native.func_native("_speckles_cuda.cu")
+def number_of_label(pixel: int, pixels: int, label: int) -> int: ...
 
 
 @wp.kernel
@@ -78,11 +82,17 @@ def count(
     parents: wp.array[int],  # (H W,)
     sizes: wp.array[int],  # (H W,)
 ):
-    # Stop counting when a region is no speckle any more; otherwise all threads of a large region
-    # would wait for one number.
-    top = root(parents, wp.tid())
-    if sizes[top] < min_size:
-        wp.atomic_add(sizes, top, 1)
+    # One thread counts the pixels of a warp that have the same parent. It stops when a region is no
+    # speckle any more; otherwise all threads of a large region would wait for one number.
+    i = wp.tid()
+    parent = parents[i]
+    number = number_of_label(i, parents.shape[0], parent)
+    if number > 0:
+        top = root(parents, parent)
+        if top != parent:
+            parents[parent] = top
+        if sizes[top] < min_size:
+            wp.atomic_add(sizes, top, number)
 
 
 @wp.kernel

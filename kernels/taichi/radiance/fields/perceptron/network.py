@@ -9,31 +9,33 @@ import math
 
 import numpy as np
 
-from cvkern.kernels.codes.radiance import NETWORK_RECTIFIED, NETWORK_VALUES, network_layers
+from cvkern.kernels.codes.radiance import (
+    LIGHT_COLUMN,
+    NETWORK_RECTIFIED,
+    NetworkInputs,
+    network_layers,
+    network_values,
+)
+from cvkern.kernels.taichi.radiance import embeddings as light
 from cvkern.kernels.taichi.radiance import encodings as encode
 
 from . import heads
 from . import layers as dense
 
 
-def forward(
-    features: np.ndarray,
-    directions: np.ndarray,
-    rays: np.ndarray,
-    total: np.ndarray,
-    weights: np.ndarray,
-    memory: np.ndarray,
-    sigma: np.ndarray,
-    rgb: np.ndarray,
-) -> None:
-    """Compute density (M,) and colour (M, 3) from features (M, K) and viewing directions (R, 3).
+def forward(given: NetworkInputs, memory: np.ndarray, sigma: np.ndarray, rgb: np.ndarray) -> None:
+    """Compute density (M,) and colour (M, 3) of the samples.
 
-    `rays` (M,) are the rays of the samples. All functions of this module process the first `total`
-    (1,) samples, with `weights` (W,) of all layers and `memory` of the shape of `network_room`.
+    All functions of this module process the first `total` (1,) samples, with `memory` of the shape
+    of `network_room`.
     """
-    values = _views(memory, 0, features)
+    features, directions, rays, total, weights, table, views = given
+    lit = table is not None
+    values = _views(memory, 0, features, lit)
     encode.spherical(directions, rays, total, 16, values[1])
-    _pass(features, total, weights, values)
+    if lit:
+        light.gather(table, views, rays, total, LIGHT_COLUMN, values[1])
+    _pass(features, total, weights, values, lit)
     heads.forward(values[1], values[-1], total, sigma, rgb)
 
 
@@ -44,9 +46,9 @@ def density(
     memory: np.ndarray,
     sigma: np.ndarray,
 ) -> None:
-    """Compute only the density (M,), as :func:`forward` does."""
-    values = _views(memory, 0, features)[:2]
-    _pass(features, total, weights, values)
+    """Compute only the density (M,) from features (M, K), as :func:`forward` does."""
+    values = _views(memory, 0, features, False)[:2]
+    _pass(features, total, weights, values, False)
     unused = memory[:3].reshape(
         (memory.shape[1], 3)
     )  # a colour that nobody reads, in the memory of the first layer
@@ -56,24 +58,25 @@ def density(
 def backward(
     d_sigma: np.ndarray,
     d_rgb: np.ndarray,
-    features: np.ndarray,
-    directions: np.ndarray,
-    rays: np.ndarray,
-    total: np.ndarray,
-    weights: np.ndarray,
+    given: NetworkInputs,
     sigma: np.ndarray,
     rgb: np.ndarray,
     memory: np.ndarray,
     d_features: np.ndarray,
+    d_lights: np.ndarray | None,
     d_weights: np.ndarray,
 ) -> None:
     """Compute `d_features` (M, K) and `d_weights` from gradients by the last :func:`forward`.
 
-    `memory` must still hold the values between the layers. `d_weights` is added to.
+    `memory` must still hold the values between the layers. `d_weights` is added to. With lights,
+    compute the gradients by the light of each sample, `d_lights` (M, 16).
     """
-    values = [features, *_views(memory, 0, features)]
-    gradients = [d_features, *_views(memory, sum(NETWORK_VALUES), features)]
-    layers, d_layers = _layers(weights, features), _layers(d_weights, features)
+    lit = given.table is not None
+    features, total, weights = given.features, given.total, given.weights
+    values = [features, *_views(memory, 0, features, lit)]
+    begin = sum(network_values(lit))
+    gradients = [d_features, *_views(memory, begin, features, lit)]
+    layers, d_layers = _layers(weights, features, lit), _layers(d_weights, features, lit)
     heads.color_backward(d_rgb, rgb, total, gradients[5])
     for k in reversed(range(5)):
         if k == 1:  # the first perceptron gets the gradients from the second one
@@ -82,31 +85,37 @@ def backward(
         gated = k > 0 and NETWORK_RECTIFIED[k - 1]
         dense.backward_input(dy, layers[k], x, total, gated, 0, dx)
         dense.backward_weight(dy, x, total, 0, d_layers[k])
+    if d_lights is not None:
+        light.copy(gradients[2], total, LIGHT_COLUMN, d_lights)
 
 
 def _pass(
-    features: np.ndarray, total: np.ndarray, weights: np.ndarray, values: list[np.ndarray]
+    features: np.ndarray,
+    total: np.ndarray,
+    weights: np.ndarray,
+    values: list[np.ndarray],
+    lit: bool,
 ) -> None:
     """Compute as many layers as there are `values`."""
-    layers = _layers(weights, features)
+    layers = _layers(weights, features, lit)
     for x, w, relu, y in zip([features, *values], layers, NETWORK_RECTIFIED, values, strict=False):
         dense.forward(x, w, total, relu, 0, y)
 
 
-def _layers(weights: np.ndarray, features: np.ndarray) -> list[np.ndarray]:
+def _layers(weights: np.ndarray, features: np.ndarray, lit: bool) -> list[np.ndarray]:
     """Cut weights, or their gradients, into layers."""
     found, begin = [], 0
-    for shape in network_layers(features.shape[1]):
+    for shape in network_layers(features.shape[1], lit):
         end = begin + math.prod(shape)
         found.append(weights[begin:end].reshape(shape))
         begin = end
     return found
 
 
-def _views(memory: np.ndarray, begin: int, features: np.ndarray) -> list[np.ndarray]:
+def _views(memory: np.ndarray, begin: int, features: np.ndarray, lit: bool) -> list[np.ndarray]:
     """Cut the memory, beginning at a row, into the values of each layer, one row per sample."""
     found = []
-    for width in NETWORK_VALUES:
+    for width in network_values(lit):
         rows = memory[begin : begin + width]
         found.append(rows.reshape((memory.shape[1], width))[: features.shape[0]])
         begin += width

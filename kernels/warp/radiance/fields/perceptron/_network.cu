@@ -3,7 +3,7 @@
 #pragma once
 
 // The two perceptrons of INPUTS features, for 16 samples in a warp's registers; the second one is
-// present only if COLOR. Operands are [columns / 16][4], sums [columns / 8][4].
+// present only if COLOR; it has the light of a photograph as an input if LIT. Operands are [columns / 16][4], sums [columns / 8][4].
 //
 // The result of `mma.m16n8k16`, 16 samples x 8 columns, has the layout of half of its first
 // operand: lane 4 g + t has columns 2 t and 2 t + 1 of samples g and g + 8. So the sums of a layer
@@ -21,18 +21,19 @@ struct Network {
         NARROW = 16 + 8,
         AT1 = INPUTS * 64,
         AT2 = AT1 + 64 * 16,
-        AT3 = AT2 + 32 * 64,
+        HIDDEN = 2 + LIT,  // inputs of the second perceptron / 16
+        AT3 = AT2 + HIDDEN * 16 * 64,
         AT4 = AT3 + 64 * 64,
         IN1 = INPUTS * WIDE,
         IN2 = IN1 + 64 * NARROW,
-        IN3 = IN2 + 32 * WIDE,
+        IN3 = IN2 + HIDDEN * 16 * WIDE,
         IN4 = IN3 + 64 * WIDE,
         IN5 = IN4 + 64 * NARROW
     };
 
     // The outputs of all layers, for samples `row` and `row` + 8.
     struct Values {
-        unsigned int x[INPUTS / 16][4], first[4][4], hidden[2][4], second[4][4], third[4][4];
+        unsigned int x[INPUTS / 16][4], first[4][4], hidden[HIDDEN][4], second[4][4], third[4][4];
         float wide[8][4], density[2][4];
     };
 
@@ -47,7 +48,7 @@ struct Network {
         copy(from, 0, 0, INPUTS, 64);
         copy(from, IN1, AT1, 64, 16);
         if (COLOR) {
-            copy(from, IN2, AT2, 32, 64);
+            copy(from, IN2, AT2, HIDDEN * 16, 64);
             copy(from, IN3, AT3, 64, 64);
             copy(from, IN4, AT4, 64, 16);
         }
@@ -131,6 +132,20 @@ struct Network {
         }
     }
 
+    // Find this lane's four of the 16 numbers of the photograph's light.
+    __forceinline__ void light(unsigned int* to, const float* table, const int* views,
+                               const int* of, int row) const {
+#pragma unroll
+        for (int half = 0; half < 2; ++half) {
+            const int line = row + 8 * half;
+            to[half] = to[half + 2] = 0u;
+            if (line >= rows) continue;
+            const float* own = table + 16 * (size_t)views[of[line]] + 2 * t;
+            to[half] = Cores::pack(own[0], own[1]);
+            to[half + 2] = Cores::pack(own[8], own[9]);
+        }
+    }
+
     // From features to the density and 15 more numbers.
     __forceinline__ void density_layers(Values& v, const void* features, int row) const {
         read(v.x, features, row);
@@ -139,12 +154,12 @@ struct Network {
         multiply(v.density, 2, v.first, 4, layers + IN1, NARROW);
     }
 
-    // From there to the inputs of the last layer.
+    // From there to the inputs of the last layer; v.hidden has the light, if LIT.
     __forceinline__ void color_layers(Values& v, const float* directions, const int* rays,
                                       int row) const {
         view(v.hidden[1], directions, rays, row);
         operand(v.hidden, 1, v.density);
-        multiply(v.wide, 8, v.hidden, 2, layers + IN2, WIDE);
+        multiply(v.wide, 8, v.hidden, HIDDEN, layers + IN2, WIDE);
         rectified(v.second, 4, v.wide);
         multiply(v.wide, 8, v.second, 4, layers + IN3, WIDE);
         rectified(v.third, 4, v.wide);

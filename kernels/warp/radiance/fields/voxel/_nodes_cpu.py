@@ -25,56 +25,23 @@ class Kernels(NamedTuple):
 def kernels(width: int) -> Kernels:
     """Return the kernels for rows of `width` colour coefficients."""
 
-    @_native.func_native("_nodes_cpu.h", WIDTH=width)
+    @_native.each("_nodes_cpu.h", WIDTH=width)
     def adam_plane(
         k: int,
         side: int,
-        rate_density: wp.array[float],
-        rate_color: wp.array[float],
-        factor: wp.array[float],
-        rule: AdamRule,
-        touched: wp.array[wp.uint8],
-        density: Learnt,
-        color: Learnt,
-    ): ...
-
-    @_native.func_native("_nodes_cpu.h", WIDTH=width)
-    def variation_plane(
-        k: int,
-        weight_density: float,
-        weight_color: float,
-        touched: wp.array3d[wp.uint8],
-        density: wp.array3d[float],
-        color: wp.array4d[float],
-        d_density: wp.array3d[float],
-        d_color: wp.array4d[float],
-    ): ...
-
-    @wp.kernel
-    def adam(
-        slab: int,
-        first: int,
-        last: int,
         rate_density: wp.array[float],  # (3,)
         rate_color: wp.array[float],  # (3,)
         factor: wp.array[float],  # (1,)
         rule: AdamRule,
-        side: int,
         # outputs
         touched: wp.array[wp.uint8],  # (N^3,): set to 0
         density: Learnt,  # (N^3,)
         color: Learnt,  # (N^3 C,)
-    ):
-        for k in range(first, last):
-            adam_plane(
-                k, side, rate_density, rate_color, factor, rule, touched, density, color
-            )  # fmt: skip
+    ): ...
 
-    @wp.kernel
-    def total_variation(
-        slab: int,
-        first: int,
-        last: int,
+    @_native.each("_nodes_cpu.h", WIDTH=width)
+    def variation_plane(
+        k: int,
         weight_density: float,
         weight_color: float,
         touched: wp.array3d[wp.uint8],
@@ -83,10 +50,6 @@ def kernels(width: int) -> Kernels:
         # outputs
         d_density: wp.array3d[float],  # added to
         d_color: wp.array4d[float],  # added to
-    ):
-        for k in range(first, last):
-            variation_plane(
-                k, weight_density, weight_color, touched, density, color, d_density, d_color
-            )
+    ): ...
 
-    return Kernels(adam, total_variation)
+    return Kernels(adam_plane, variation_plane)

@@ -152,7 +152,7 @@ def adam(
         count = nodes.threads(touched.size)
         launch(nodes.adam, count, [*rates, width], outputs, nodes.BLOCK)
     else:
-        launch_slabs(planes.kernels(width).adam, side, _planes(side), [*rates, side], outputs)
+        launch_slabs(planes.kernels(width).adam, side, _planes(side), [side, *rates], outputs)
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:

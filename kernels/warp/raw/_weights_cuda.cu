@@ -1,0 +1,325 @@
+// Weights of exposures on CUDA, and the first smaller level of frames and weights, with the sums of
+// _fusion.h in the same order. A pixel has CHANNELS values; planes of a level are these and the
+// weight.
+#include "_powers.h"
+#include "_pyramid.h"
+#include "_strips_cuda.h"
+
+// A thread has four pixels of ROWS rows, of one exposure after the other.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float saturation,
+                 float exposure, wp::array_t<float> weights) {
+    enum { ROWS = 2, QUICK = INTEGRAL && CHANNELS == 3 };
+    struct alignas(4 * sizeof(TYPE)) Pixels {
+        TYPE v[4 * CHANNELS];
+    };
+    const int count = frames.shape[0], height = frames.shape[1], width = frames.shape[2];
+    const size_t size = (size_t)height * width;
+    const float third = 1.0f / 3.0f, share = CHANNELS == 1 ? scale : scale * third;
+    const bool aligned = width % 4 == 0 && ((size_t)frames.data & (4 * sizeof(TYPE) - 1)) == 0;
+    const auto value = [](TYPE v) {
+        const float x = (float)v;
+        return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
+    };
+    // Sums of bytes are integers: where edges cancel, nothing is left.
+    const auto own_sum = [=](const TYPE* v) {
+        const SUM a = INTEGRAL ? (SUM)v[0] : (SUM)value(v[0]);
+        if (CHANNELS == 1) return a;
+        const SUM b = INTEGRAL ? (SUM)v[CHANNELS / 2] : (SUM)value(v[CHANNELS / 2]);
+        const SUM c = INTEGRAL ? (SUM)v[CHANNELS - 1] : (SUM)value(v[CHANNELS - 1]);
+        return (SUM)((SUM)(a + b) + c);
+    };
+    const auto power = [](float x, float p) {
+        if (p == 1.0f) return x;
+        return p == 0.0f ? 1.0f : x > 1e-30f ? Powers::exp2(p * Powers::log2(x)) : 0.0f;
+    };
+    const int parts = (width + 3) / 4, items = (height + ROWS - 1) / ROWS * parts;
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
+         item += gridDim.x * blockDim.x) {
+        const int top = item / parts * ROWS, begin = item % parts * 4;
+        const bool whole = begin + 4 <= width;
+        float total[ROWS][4];
+        for (int r = 0; r < ROWS; ++r)
+            for (int i = 0; i < 4; ++i) total[r][i] = 0.0f;
+        for (int k = 0; k < count; ++k) {
+            const TYPE* frame = frames.data + k * size * CHANNELS;
+            SUM grey[ROWS + 2][6];
+            Pixels pixels[ROWS + 2];
+#pragma unroll
+            for (int r = 0; r < ROWS + 2; ++r) {
+                const TYPE* row =
+                    frame + (size_t)Mirror::at(top - 1 + r, height) * width * CHANNELS;
+                if (QUICK && aligned) {
+                    // Sums of three of the bytes of words; a word before and one after is read.
+                    const unsigned* words = (const unsigned*)(row + begin * CHANNELS);
+                    const unsigned a = words[0], b = words[1], c = words[2];
+                    const bool before = begin == 0, beyond = begin + 4 == width;
+                    const unsigned p = words[before ? 0 : -1], n = words[beyond ? 2 : 3];
+                    unsigned* to = (unsigned*)pixels[r].v;
+                    to[0] = a;
+                    to[1] = b;
+                    to[QUICK ? 2 : 0] = c;
+                    grey[r][1] = (SUM)__dp4a(a, 0x00010101u, 0u);
+                    grey[r][2] = (SUM)__dp4a(b, 0x00000101u, a >> 24);
+                    grey[r][3] = (SUM)__dp4a(b, 0x01010000u, c & 255u);
+                    grey[r][4] = (SUM)__dp4a(c, 0x01010100u, 0u);
+                    grey[r][0] = before ? grey[r][2] : (SUM)__dp4a(p, 0x01010100u, 0u);
+                    grey[r][5] = beyond ? grey[r][3] : (SUM)__dp4a(n, 0x00010101u, 0u);
+                    continue;
+                }
+                if (aligned) {
+                    pixels[r] = *(const Pixels*)(row + begin * CHANNELS);
+                } else {
+                    for (int i = 0; i < 4; ++i)
+                        for (int c = 0; c < CHANNELS; ++c)
+                            pixels[r].v[i * CHANNELS + c] =
+                                row[Mirror::at(begin + i, width) * CHANNELS + c];
+                }
+                grey[r][0] = own_sum(row + Mirror::at(begin - 1, width) * CHANNELS);
+                for (int i = 0; i < 4; ++i) grey[r][i + 1] = own_sum(pixels[r].v + i * CHANNELS);
+                grey[r][5] = own_sum(row + Mirror::at(begin + 4, width) * CHANNELS);
+            }
+#pragma unroll
+            for (int r = 0; r < ROWS; ++r) {
+                if (top + r >= height) continue;
+                float found[4];
+                for (int i = 0; i < 4; ++i) {
+                    // The quotient is exact where all are equal: grey has no saturation.
+                    const SUM centre = grey[r + 1][i + 1];
+                    const float own = (float)centre;
+                    const float here = (CHANNELS == 1 ? own : own / 3.0f) * scale;
+                    const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
+                    const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
+                    const float off = (float)(SUM)(around - 4 * centre);
+                    float far = 0.0f, apart = 0.0f;
+                    for (int c = 0; c < CHANNELS; ++c) {
+                        const float v = value(pixels[r + 1].v[i * CHANNELS + c]) * scale;
+                        far += (v - 0.5f) * (v - 0.5f);
+                        apart += (v - here) * (v - here);
+                    }
+                    const float edge = power((off < 0.0f ? -off : off) * share, contrast);
+                    const float spread =
+                        power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
+                    found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
+                    total[r][i] += found[i];
+                }
+                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
+                if (whole && width % 4 == 0)
+                    *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
+                else
+                    for (int i = 0; i < 4; ++i)
+                        if (begin + i < width) to[i] = found[i];
+            }
+        }
+        for (int k = 0; k < count; ++k)
+            for (int r = 0; r < ROWS; ++r) {
+                if (top + r >= height) continue;
+                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
+                if (whole && width % 4 == 0) {
+                    const float4 v = *(const float4*)to;
+                    *(float4*)to = make_float4(v.x / total[r][0], v.y / total[r][1],
+                                               v.z / total[r][2], v.w / total[r][3]);
+                } else {
+                    for (int i = 0; i < 4; ++i)
+                        if (begin + i < width) to[i] = to[i] / total[r][i];
+                }
+            }
+    }
+}
+
+// The next smaller level of bytes, in rows of whole groups of four pixels. Sums of bytes are exact in
+// any order, and one of 5 x 5 has 16 bits: two are in one integer, red and green of a pixel, and the
+// last channel of two. They are scaled at the end.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+void byte_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights, int each,
+                 wp::array_t<float> dst) {
+    enum { PAIRS = CHANNELS == 3 ? 4 : 0, WORDS = PAIRS + 2 };  // at last, pixels 0 and 2, 1 and 3
+    struct Given {
+        unsigned words[CHANNELS];
+        float4 weights;
+    };
+    struct Row {
+        unsigned sums[WORDS];
+        float weights[4];
+    };
+    const int height = frames.shape[1], width = frames.shape[2];
+    const int tall = dst.shape[1], wide = dst.shape[2];
+    const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
+    const int chunks = (tall + each - 1) / each;
+    const int lane = threadIdx.x % 32;
+    const float last = 0.00390625f * scale;
+    const auto apart = [](const Given& given) {
+        const unsigned* w = given.words;
+        Row row;
+        if (CHANNELS == 3) {
+            row.sums[0] = __byte_perm(w[0], 0, 0x4140);
+            row.sums[1] = __byte_perm(w[0], w[1 % CHANNELS], 0x0403) & 0xff00ff;
+            row.sums[2] = __byte_perm(w[1 % CHANNELS], 0, 0x4342);
+            row.sums[3] = __byte_perm(w[2 % CHANNELS], 0, 0x4241);
+            row.sums[PAIRS] = __byte_perm(w[0], w[2 % CHANNELS], 0x0402) & 0xff00ff;
+            row.sums[PAIRS + 1] = __byte_perm(w[1 % CHANNELS], w[2 % CHANNELS], 0x0701) & 0xff00ff;
+        } else {
+            row.sums[0] = w[0] & 0xff00ff;
+            row.sums[1] = w[0] >> 8 & 0xff00ff;
+        }
+        row.weights[0] = given.weights.x;
+        row.weights[1] = given.weights.y;
+        row.weights[2] = given.weights.z;
+        row.weights[3] = given.weights.w;
+        return row;
+    };
+    const auto weigh = [](unsigned a, unsigned b, unsigned c, unsigned d, unsigned e) {
+        return a + e + 4 * (b + d) + 6 * c;
+    };
+    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+         item < frames.shape[0] * chunks * strips; item += gridDim.x * blockDim.x / 32) {
+        const int k = item / strips / chunks, begin = item / strips % chunks * each;
+        const int end = begin + each < tall ? begin + each : tall;
+        const int column = 2 * (item % strips * Strip::LANES + lane - 1), first = 2 * column;
+        const int at = first < 0 ? 0 : first + 4 > width ? width - 4 : first;
+        const auto read = [&](int y) {
+            const size_t start = ((size_t)k * height + Mirror::at(y, height)) * width + at;
+            const unsigned* words = (const unsigned*)(frames.data + start * CHANNELS);
+            Given given;
+#pragma unroll
+            for (int i = 0; i < CHANNELS; ++i) given.words[i] = words[i];
+            given.weights = *(const float4*)(weights.data + start);
+            return given;
+        };
+        Row a = apart(read(2 * begin - 2)), b = apart(read(2 * begin - 1)),
+            c = apart(read(2 * begin));
+        Given next = read(2 * begin + 1), after = read(2 * begin + 2);
+#pragma unroll 1
+        for (int y = begin; y < end; ++y) {
+            const Row d = apart(next), e = apart(after);
+            next = read(2 * y + 3);  // ahead of their use
+            after = read(2 * y + 4);
+            unsigned v[WORDS];
+            float w[4], out[2];
+#pragma unroll
+            for (int i = 0; i < WORDS; ++i)
+                v[i] = weigh(a.sums[i], b.sums[i], c.sums[i], d.sums[i], e.sums[i]);
+            for (int i = 0; i < 4; ++i)
+                w[i] = Pyramid::weigh(a.weights[i], b.weights[i], c.weights[i], d.weights[i],
+                                      e.weights[i]);
+            // Two pixels before a border are used, and one after it.
+            const bool before = first < 0, beyond = first >= width;
+            unsigned one = v[PAIRS], two = v[PAIRS + 1];
+            if (before) {
+                if (CHANNELS == 3) v[3 % WORDS] = v[1];
+                two = __byte_perm(two, 0, 0x1010);
+                w[3] = w[1];
+            }
+            if (beyond) {
+                if (CHANNELS == 3) v[0] = v[2 % WORDS];
+                one = __byte_perm(one, 0, 0x3232);
+                w[0] = w[2];
+            }
+            float* to = dst.data + ((size_t)k * (CHANNELS + 1) * tall + y) * wide;
+            const size_t plane = (size_t)tall * wide;
+            if (CHANNELS == 3) {
+                const unsigned p = __shfl_up_sync(0xffffffffu, v[2 % WORDS], 1);
+                const unsigned q = __shfl_up_sync(0xffffffffu, v[3 % WORDS], 1);
+                const unsigned n = __shfl_down_sync(0xffffffffu, v[0], 1);
+                const unsigned left = weigh(p, q, v[0], v[1], v[2 % WORDS]);
+                const unsigned right = weigh(v[0], v[1], v[2 % WORDS], v[3 % WORDS], n);
+                out[0] = (float)(left & 0xffff) * last;
+                out[1] = (float)(right & 0xffff) * last;
+                Strip::write(out, lane, column, wide, to);
+                out[0] = (float)(left >> 16) * last;
+                out[1] = (float)(right >> 16) * last;
+                Strip::write(out, lane, column, wide, to + plane);
+            }
+            const unsigned p = __shfl_up_sync(0xffffffffu, one, 1);
+            const unsigned q = __shfl_up_sync(0xffffffffu, two, 1);
+            const unsigned n = __shfl_down_sync(0xffffffffu, one, 1);
+            const unsigned both = weigh(__byte_perm(p, one, 0x5432), __byte_perm(q, two, 0x5432),
+                                        one, two, __byte_perm(one, n, 0x5432));
+            out[0] = (float)(both & 0xffff) * last;
+            out[1] = (float)(both >> 16) * last;
+            Strip::write(out, lane, column, wide, to + (CHANNELS - 1) * plane);
+            Strip::across(w, out);
+            Strip::write(out, lane, column, wide, to + CHANNELS * plane);
+            a = c;
+            b = d;
+            c = e;
+        }
+    }
+}
+
+// The next smaller level of other frames.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights, int each,
+                  wp::array_t<float> dst) {
+    struct alignas(4 * sizeof(TYPE)) Pixels {
+        TYPE v[4 * CHANNELS];
+    };
+    struct Row {
+        Pixels pixels;
+        float weights[4];
+    };
+    const int height = frames.shape[1], width = frames.shape[2];
+    const int tall = dst.shape[1], wide = dst.shape[2];
+    const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
+    const int chunks = (tall + each - 1) / each;
+    const bool aligned = width % 4 == 0 && ((size_t)frames.data & (4 * sizeof(TYPE) - 1)) == 0;
+    const int lane = threadIdx.x % 32;
+    const float last = INTEGRAL ? 0.0625f * scale : scale;
+    const auto value = [](TYPE v) {
+        const float x = (float)v;
+        return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
+    };
+    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
+         item < frames.shape[0] * chunks * strips; item += gridDim.x * blockDim.x / 32) {
+        const int k = item / strips / chunks, begin = item / strips % chunks * each;
+        const int end = begin + each < tall ? begin + each : tall;
+        const int column = 2 * (item % strips * Strip::LANES + lane - 1);
+        Row a, b, c, d, e;
+        const auto load = [&](int y, Row& to) {
+            const size_t start = ((size_t)k * height + Mirror::at(y, height)) * width;
+            const TYPE* row = frames.data + start * CHANNELS;
+            if (aligned && column >= 0 && 2 * column + 4 <= width) {
+                to.pixels = *(const Pixels*)(row + 2 * column * CHANNELS);
+            } else {
+                for (int i = 0; i < 4; ++i)
+                    for (int n = 0; n < CHANNELS; ++n)
+                        to.pixels.v[i * CHANNELS + n] =
+                            row[Mirror::at(2 * column + i, width) * CHANNELS + n];
+            }
+            Strip::load(weights.data + start, 2 * column, width, width % 4 == 0, to.weights);
+        };
+        load(2 * begin - 2, a);
+        load(2 * begin - 1, b);
+        load(2 * begin, c);
+#pragma unroll 1
+        for (int y = begin; y < end; ++y) {
+            load(2 * y + 1, d);
+            load(2 * y + 2, e);
+            float v[4], out[2];
+            float* to = dst.data + ((size_t)k * (CHANNELS + 1) * tall + y) * wide;
+#pragma unroll
+            for (int n = 0; n < CHANNELS; ++n) {
+                for (int i = 0; i < 4; ++i) {
+                    const int x = i * CHANNELS + n;
+                    const TYPE p = a.pixels.v[x], q = b.pixels.v[x], o = c.pixels.v[x],
+                               s = d.pixels.v[x], t = e.pixels.v[x];
+                    // Sums of bytes are exact in any order; they are scaled at the end.
+                    v[i] = INTEGRAL
+                               ? (float)(((int)p + (int)t) + 4 * ((int)q + (int)s) + 6 * (int)o)
+                               : Pyramid::weigh(value(p), value(q), value(o), value(s), value(t));
+                }
+                Strip::across(v, out);
+                for (int i = 0; i < 2; ++i) out[i] = out[i] * last;
+                Strip::write(out, lane, column, wide, to + (size_t)n * tall * wide);
+            }
+            for (int i = 0; i < 4; ++i)
+                v[i] = Pyramid::weigh(a.weights[i], b.weights[i], c.weights[i], d.weights[i],
+                                      e.weights[i]);
+            Strip::across(v, out);
+            Strip::write(out, lane, column, wide, to + (size_t)CHANNELS * tall * wide);
+            a = c;
+            b = d;
+            c = e;
+        }
+    }
+}
