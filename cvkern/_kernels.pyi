@@ -50,6 +50,7 @@ class Folder:
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import progressive as progressive
+            from cvkern.kernels.warp.hough.lines import runs as runs
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
