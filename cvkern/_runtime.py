@@ -5,14 +5,13 @@ This is the only module that knows there is more than one kernel framework.
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import importlib.util
 import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import AbstractContextManager
 from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any
@@ -23,6 +22,7 @@ from cvkern import _arrays
 from cvkern._arrays import NUMPY, Library, Order
 from cvkern._checks import as_items
 from cvkern._kernels import Folder
+from cvkern._memory import trim
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
 KERNEL_SETS = ("warp", "taichi")
@@ -189,13 +189,7 @@ def release_memory() -> None:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:
             loaded.release_memory()
-    _trim()
-
-
-def _trim() -> None:
-    """Give freed memory back to the system, where the C library can; glibc keeps it by itself."""
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).malloc_trim(0)
+    trim()
 
 
 class Runtime(Folder):
