@@ -226,6 +226,10 @@ def test_exposures_are_made_alike(sheet):
     np.testing.assert_allclose(gains[1] / gains[2], 1 / 0.6, rtol=0.04)
     (bare,) = cvkern.stitch(dark, compensate=False)
     assert (bare.gains == 1).all()
+    lit = (sheet[1] * 1.8).clip(0, 255).astype(np.uint8)
+    assert 0.1 < (lit == 255).mean() < 0.5  # these do not measure the exposure
+    (panorama,) = cvkern.stitch([sheet[0], lit, sheet[2]])
+    np.testing.assert_allclose(panorama.gains[1] / panorama.gains[[0, 2]], 1 / 1.8, rtol=0.04)
 
 
 @pytest.mark.parametrize("where", [(60, 20), (110, 60), (150, 130)])

@@ -1,25 +1,4 @@
 // needs THREADS
-// Replace each count by the sum up to it; one block, of whose threads each has a run of counts.
-void add_up(wp::array_t<int> counts) {
-    __shared__ int parts[THREADS];
-    const int thread = threadIdx.x, size = counts.shape[0];
-    const int run = (size + THREADS - 1) / THREADS;
-    const int first = min(thread * run, size), last = min(first + run, size);
-    int sum = 0;
-    for (int i = first; i < last; ++i) sum += counts.data[i];
-    parts[thread] = sum;
-    __syncthreads();
-    for (int apart = 1; apart < THREADS; apart *= 2) {
-        const int before = thread >= apart ? parts[thread - apart] : 0;
-        __syncthreads();
-        parts[thread] += before;
-        __syncthreads();
-    }
-    sum = parts[thread] - sum;
-    for (int i = first; i < last; ++i) counts.data[i] = sum += counts.data[i];
-}
-
-// needs THREADS
 // List the points of lowest rank, then of largest value, then the first ones: one block, which
 // finds the last one to list byte by byte of rank and value. A value below 0 is no point.
 void choose(wp::array_t<int> values, wp::array_t<int> ranks, int ranked, wp::array_t<int> number,
