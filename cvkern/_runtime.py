@@ -27,6 +27,7 @@ from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 KERNEL_SETS = ("warp", "taichi")
 # The framework that each set is written in, and the package that installs it.
 PACKAGES = {"warp": ("warp", "warp-lang"), "taichi": ("taichi", "taichi")}
+HOSTED = ("vulkan", "metal")  # devices whose kernels take arrays of the host
 _MAX_CONSTANTS = 256
 
 _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
@@ -45,7 +46,8 @@ class use:
         The kernel set; unchanged when omitted.
     device : str, optional
         ``"cpu"``, ``"cuda"`` or ``"cuda:N"``: the device that computes calls on NumPy arrays.
-        Calls on arrays of a GPU always run on that GPU. Unchanged when omitted.
+        Calls on arrays of a GPU always run on that GPU. Unchanged when omitted. Taichi also has
+        ``"vulkan"``, for GPUs of other makers, and ``"metal"``, which has not been tried.
 
     Raises
     ------
@@ -97,8 +99,9 @@ def _environment() -> tuple[str, str]:
 def _checked(backend: str, device: str) -> tuple[str, str]:
     if not isinstance(backend, str) or backend not in KERNEL_SETS:
         raise ValueError(f"backend must be one of {KERNEL_SETS}, got {backend!r}")
-    if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?", device):
-        raise ValueError(f"device must be 'cpu', 'cuda' or 'cuda:N', got {device!r}")
+    if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?|vulkan|metal", device):
+        known = "'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal'"
+        raise ValueError(f"device must be {known}, got {device!r}")
     device = "cuda:0" if device == "cuda" else device
     _refuse_absent(backend, device)
     return backend, device
@@ -144,7 +147,7 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
     -------
     tuple of str
         ``"cpu"``, then ``"cuda:N"`` for each GPU, as :class:`use` takes them. Taichi drives only
-        the first GPU.
+        the first GPU; it adds ``"vulkan"`` and ``"metal"`` where there are drivers.
 
     Raises
     ------
@@ -199,7 +202,11 @@ class Runtime(Folder):
     def __init__(self, name: str, device: str, library: Library):
         importlib.import_module("cvkern.kernels._threads").cpu_threads()  # checks the environment
         super().__init__(f"cvkern.kernels.{name}")
-        self.name, self.device, self.library = name, device, library
+        # Kernels on Vulkan and Metal take arrays of the host, as those of the CPU do.
+        self._place = device
+        self.device = "cpu" if device in HOSTED else device
+        device = self.device
+        self.name, self.library = name, library
         self._set = _kernel_set(name)
         self._constants: dict[Any, Any] = {}
         # The caller's library allocates results, unless kernels cannot write to its arrays there.
@@ -208,8 +215,8 @@ class Runtime(Folder):
 
     def start(self) -> None:
         """Prepare the kernel set for this thread, on the caller's stream."""
-        device = self.device
-        self._set.start(device, None if device == "cpu" else self.library.stream(device))
+        stream = None if self.device == "cpu" else self.library.stream(self.device)
+        self._set.start(self._place, stream)
 
     def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
         """View `array` for kernels: contiguous, of `dtype` and `shape`, copied only if necessary.

@@ -326,10 +326,10 @@ def test_rows_that_differ():
         ({"backend": "cuda"}, "backend must be one of ('warp', 'taichi'), got 'cuda'"),
         ({"backend": "Warp"}, "backend must be one of ('warp', 'taichi'), got 'Warp'"),
         ({"backend": ""}, "backend must be one of ('warp', 'taichi'), got ''"),
-        ({"device": "gpu"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'gpu'"),
-        ({"device": "cuda:"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:'"),
-        ({"device": "cuda:-1"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:-1'"),
-        ({"device": ""}, "device must be 'cpu', 'cuda' or 'cuda:N', got ''"),
+        ({"device": "gpu"}, "device must be 'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal', got 'gpu'"),
+        ({"device": "cuda:"}, "device must be 'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal', got 'cuda:'"),
+        ({"device": "cuda:-1"}, "device must be 'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal', got 'cuda:-1'"),
+        ({"device": ""}, "device must be 'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal', got ''"),
     ],
 )
 def test_use(options, message):
@@ -341,7 +341,7 @@ def test_use_of_a_wrong_type():
     refused(
         ValueError, "backend must be one of ('warp', 'taichi'), got 3", cvkern.use, backend=wrong
     )
-    refused(ValueError, "device must be 'cpu', 'cuda' or 'cuda:N', got 3", cvkern.use, device=wrong)
+    refused(ValueError, "device must be 'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal', got 3", cvkern.use, device=wrong)
 
 
 def test_tensors_that_require_grad():
