@@ -1,5 +1,7 @@
 """Kernels that take the host's arrays in stages: on the CPU, and with Vulkan where it works."""
 
+# pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false
+
 import numpy as np
 import pytest
 import skimage.data
