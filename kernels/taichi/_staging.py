@@ -14,7 +14,7 @@ import taichi as ti
 from taichi.lang import kernel_impl
 from taichi.lang.util import to_taichi_type
 
-_stages: list["Stage"] = []  # of the primitive that runs
+_stages: list["Stage"] = []  # the stage of the primitive that runs
 
 
 class Stage:
