@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.color import _spaces_cuda
+from cvkern.kernels.warp.color import _contrast_cuda, _spaces_cuda
 from cvkern.kernels.warp.raw import (
     _bands_cuda,
     _fusion_cuda,
@@ -42,6 +42,9 @@ MADE = {
     "collapse rest": lambda: _bands_cuda.collapse_rest,
     "collapse": lambda: _bands_cuda.collapse_four,
     "bytes": lambda: _spaces_cuda.encode_four,
+    "levels u8": lambda: _contrast_cuda._count_levels(wp.uint8),
+    "levels u16": lambda: _contrast_cuda._count_levels(wp.uint16),
+    "values": lambda: _contrast_cuda.count_bins,
     "survey": lambda: _tone_cuda.survey_four,
     "show": lambda: _tone_cuda.show_four,
     "luminance": lambda: tone._luminance.cuda(),

@@ -37,10 +37,22 @@ void choose(wp::array_t<int> values, wp::array_t<int> ranks, int ranked, wp::arr
             if (key >> shift >> 8 == known >> shift >> 8) atomicAdd(&bins[key >> shift & 255], 1);
         }
         __syncthreads();
-        if (thread == 0) {
-            int b = 0, left = missing;
-            while (b < 255 && bins[b] < left) left -= bins[b++];
-            prefix = known | (key_t)b << shift, missing = left;
+        // A warp finds the byte up to which more than `missing` keys lie: a lane has eight bytes.
+        if (thread < 32) {
+            int own = 0;
+            for (int b = 0; b < 8; ++b) own += bins[8 * thread + b];
+            int before = own;
+            for (int apart = 1; apart < 32; apart *= 2) {
+                const int lower = __shfl_up_sync(~0u, before, apart);
+                if (thread >= apart) before += lower;
+            }
+            before -= own;
+            const unsigned reached = __ballot_sync(~0u, before + own >= missing);
+            if (thread == (reached ? __ffs(reached) - 1 : 31)) {
+                int b = 8 * thread, left = missing - before;
+                while (b < 255 && bins[b] < left) left -= bins[b++];
+                prefix = known | (key_t)b << shift, missing = left;
+            }
         }
         __syncthreads();
     }

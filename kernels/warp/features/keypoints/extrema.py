@@ -28,11 +28,13 @@ LEAST, SHARE = 1 << 14, 256
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
-    """Grey values times `scale`; one thread a pixel."""
+    """Grey values of bytes or floats, times `scale`; one thread a pixel."""
     if dst.device.is_cuda:
-        launch(cuda.gray, dst.shape, [src, scale], [dst])
+        launch(cuda.grays[src.dtype], dst.shape, [src, scale], [dst])
         return
-    launch_slabs(cpu.gray_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
+    launch_slabs(
+        cpu.gray_rows[src.dtype], dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst]
+    )
 
 
 def double(src: wp.array, dst: wp.array) -> None:
