@@ -13,7 +13,6 @@ import typer
 
 import cvkern
 from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, progress_bar
-from cvkern.app.commands._folders import over_folders
 from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.cameras import cameras
 from cvkern.app.commands.circles import circles
@@ -32,6 +31,7 @@ from cvkern.app.commands.scale import scale
 from cvkern.app.commands.scan import scan
 from cvkern.app.commands.stereo import stereo
 from cvkern.app.commands.view import view
+from cvkern.app.folders import over_folders
 
 app = typer.Typer(
     name="cvkern",
