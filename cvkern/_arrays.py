@@ -373,10 +373,8 @@ def _find(array: Any, kind: type, name: str) -> Library:
                 "call cvkern outside of jax.jit and of JAX's other transformations"
             )
         module = "jax" if module == "jaxlib" else module
-        if module not in _known:
-            _known[module] = _CLASSES[module]()
-        _of_types[kind] = _known[module]
-        return _known[module]
+        _known[module] = _known.get(module) or _CLASSES[module]()
+        return _of_types.setdefault(kind, _known[module])
     if hasattr(array, "__cuda_array_interface__"):
         return _known.setdefault("other", Other())
     return NUMPY

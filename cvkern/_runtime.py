@@ -1,12 +1,11 @@
 """The choice of kernel set and device for a call, and the way of arrays to kernels and back.
 
-This is the only module that knows there is more than one kernel framework.
+This module and `_sets.py` alone know that there is more than one kernel framework.
 """
 
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import os
 import re
 import sys
@@ -23,11 +22,11 @@ from cvkern._arrays import NUMPY, Library, Order
 from cvkern._checks import as_items
 from cvkern._kernels import Folder
 from cvkern._memory import trim
+from cvkern._sets import KERNEL_SETS
+from cvkern._sets import kernel_set as _kernel_set
+from cvkern._sets import refuse_absent as _refuse_absent
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
-KERNEL_SETS = ("warp", "taichi")
-# The framework that each set is written in, and the package that installs it.
-PACKAGES = {"warp": ("warp", "warp-lang"), "taichi": ("taichi", "taichi")}
 DEVICES = "'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal'"
 _MAX_CONSTANTS = 256
 
@@ -101,34 +100,6 @@ def _checked(backend: str, device: str) -> tuple[str, str]:
     device = "cuda:0" if device == "cuda" else device
     _refuse_absent(backend, device)
     return backend, device
-
-
-@lru_cache(maxsize=256)
-def _refuse_absent(backend: str, device: str) -> None:
-    if device == "cpu":
-        if importlib.util.find_spec(PACKAGES[backend][0]) is None:
-            _kernel_set(backend)
-    else:
-        there = _kernel_set(backend).devices()
-        if device not in there:
-            raise ValueError(
-                f"device must be one that {backend} finds here, {there}, got {device!r}"
-            )
-
-
-def _kernel_set(backend: str) -> Any:
-    """Import a kernel set, which starts no device."""
-    package, name = PACKAGES[backend]
-    try:
-        return importlib.import_module(f"cvkern.kernels.{backend}")
-    except ModuleNotFoundError as absent:
-        if absent.name != package:
-            raise
-        others = " or ".join(repr(other) for other in KERNEL_SETS if other != backend)
-        raise ImportError(
-            f"the {backend!r} backend needs {name}, which is not installed "
-            f"(it has no wheels for every Python): use {others}"
-        ) from None
 
 
 def devices(backend: str | None = None) -> tuple[str, ...]:

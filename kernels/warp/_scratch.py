@@ -12,8 +12,8 @@ from typing import Any
 
 import warp as wp
 
-from ._huge_pages import ask_for_huge_pages
 from ._internals import view_at
+from ._pages import ask_for_huge_pages
 from ._streams import current_stream
 
 PAGE = 4096  # bytes below which the overhead of a copy to the host dominates its time

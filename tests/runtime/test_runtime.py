@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern._runtime import KERNEL_SETS, PACKAGES, runtime
+from cvkern._runtime import runtime
+from cvkern._sets import KERNEL_SETS, PACKAGES
 from tests.calls import CALLS, blobs, fields, layouts, noise
 
 ROOT = Path(__file__).parents[2]
