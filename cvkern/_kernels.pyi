@@ -50,6 +50,7 @@ class Folder:
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import progressive as progressive
+            from cvkern.kernels.warp.hough.lines import runs as runs
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
@@ -100,9 +101,11 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class recognition:
+        from cvkern.kernels.warp.recognition import choices as choices
         from cvkern.kernels.warp.recognition import codebook as codebook
         from cvkern.kernels.warp.recognition import figures as figures
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
+        from cvkern.kernels.warp.recognition import modes as modes
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes
     class reconstruction:

@@ -5,13 +5,14 @@ This is the only module that knows there is more than one kernel framework.
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import importlib.util
 import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any
@@ -169,9 +170,9 @@ def release_memory() -> None:
     Each thread keeps the scratch memory of its calls, so that the next call need not allocate it:
     on the host at most ``CVKERN_SCRATCH_MB`` mebibytes in all threads together, by default 1024.
     This function frees all scratch memory on the host, the scratch memory of this thread on GPUs,
-    and the pinned host memory for results. Other threads free theirs on GPUs at their next call
-    that uses scratch memory. Running calls of other threads are not disturbed. The memory of a
-    captured call (:func:`capture`) stays.
+    and the pinned host memory for results, and gives it back to the system. Other threads free
+    theirs on GPUs at their next call that uses scratch memory. Running calls of other threads are
+    not disturbed. The memory of a captured call (:func:`capture`) stays.
 
     Raises
     ------
@@ -188,6 +189,13 @@ def release_memory() -> None:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:
             loaded.release_memory()
+    _trim()
+
+
+def _trim() -> None:
+    """Give freed memory back to the system, where the C library can; glibc keeps it by itself."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 class Runtime(Folder):
@@ -295,7 +303,7 @@ class Runtime(Folder):
         self._set.write(array, np.ascontiguousarray(values))
 
     def stream(self) -> int:
-        """Return the address of the CUDA stream that this thread's launches go to."""
+        """Return the address of this thread's CUDA stream."""
         return self._set.stream(self.device)
 
     def free_memory(self) -> int:
@@ -321,11 +329,7 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-        """Launch what `call` launches; Warp on CUDA does it by one graph from the second time on.
-
-        All that `call` does must follow from its key and from the addresses and shapes of the
-        arrays, which include its inputs and all scratch memory that is used after it.
-        """
+        """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
 
     @property
@@ -363,15 +367,10 @@ class Runtime(Folder):
 
 def check_devices(devices: Sequence[str] | None) -> list[str]:
     """Return the devices that a call names, all of which exist; by default that in use."""
-    if devices is None:
-        return [choice()[1]]
-    found = list(as_items(devices, "devices", "names of devices"))
+    found = (choice()[1],) if devices is None else as_items(devices, "devices", "names of devices")
     if not found:
         raise ValueError("devices must name at least one, got none")
-    for place in found:
-        with use(device=place):
-            pass
-    return found
+    return [_checked(choice()[0], place)[1] for place in found]
 
 
 def pinned() -> Callable[[], use]:

@@ -89,10 +89,12 @@ def test_gradients_are_central_differences(settings, backend, monkeypatch):
     unit = found / np.linalg.norm(found)
     across = rng.normal(size=unit.shape)
     for direction in (unit, unit + across / np.linalg.norm(across)):
-        step = 0.01  # short: where a rectifier switches, the slope jumps
+        half = field.half == np.float16
+        step = 0.1 if half else 0.01  # short: where a rectifier switches, the slope jumps
         slope = (loss(table + step * direction) - loss(table - step * direction)) / (2 * step)
-        # The loss, some 10, is rounded to 1e-6 in all, and changes by 1e-3 at least.
-        assert abs((found * direction).sum() - slope) < 1e-2 * abs(slope)
+        # The loss, some 10, is rounded to 1e-6 in all, and changes by 1e-3 at least. In half
+        # precision, gradients have 11 digits, and each of four layers rounds.
+        assert abs((found * direction).sum() - slope) < (0.05 if half else 0.01) * abs(slope)
 
 
 @pytest.fixture(scope="module")
