@@ -123,8 +123,8 @@ def fit_appearance(
     if not chosen.any():
         raise ValueError("mask must choose a pixel, got none")
     embedded = model.appearance == "embedding"
+    few = np.argwhere(chosen)
     if embedded:
-        few = np.argwhere(chosen)
         few = few[:: -(-len(few) // PIXELS)]
         chosen = np.zeros(shape, bool)
         chosen[tuple(few.T)] = True
