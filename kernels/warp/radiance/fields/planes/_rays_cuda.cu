@@ -4,7 +4,7 @@ void walk(bool active, int ray, Path path, wp::array_t<float> planes,
     // A block of rays meets a list of planes: those with something in the part that its rays can
     // see. The texels of TOGETHER planes are loaded before any is used, so that loads wait together.
     __shared__ float2 at[MOST];   // inverse depths of the planes of the list, and depths
-    __shared__ int places[MOST];  // which planes these are
+    __shared__ int places[MOST];  // their numbers
     __shared__ float boxes[32][8];
     __shared__ unsigned kept[MOST / 32];
     const int count = texels.shape[0], height = texels.shape[1], width = texels.shape[2];
