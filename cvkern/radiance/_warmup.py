@@ -43,7 +43,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         # Kernels are compiled for each width, so keep the default widths.
         MLPField(samples=2**8, rays=16, cells=8, steps=16),
     ):
-        yield "fit", partial(_train, field)
+        yield "fit", partial(_train, field, "affine")
+    small = HashField(table_bits=10, samples=2**12, rays=64, cells=32)
+    yield "fit", partial(_train, small, "embedding")
     yield "fit", _train_planes
     yield "planes_from_depth", _show_planes
 
@@ -54,7 +56,7 @@ def _scene() -> Scene:
 
 def _train_planes() -> None:
     scene = make_scene(train=3, test=0, size=16, layout="forward")
-    fit(scene, PlanesField(planes=2, rays=64), steps=1, progress=False)
+    fit(scene, PlanesField(planes=2, rays=64, basis=2), steps=1, progress=False)
 
 
 def _show_planes() -> None:
@@ -64,9 +66,9 @@ def _show_planes() -> None:
     render(model, model.cameras)
 
 
-def _train(field: Any) -> None:
+def _train(field: Any, appearance: str) -> None:
     """Train until a grid has been refined."""
     fit(
-        _scene(), field, steps=18, background="learnt", appearance="affine", robust=True,
+        _scene(), field, steps=18, background="learnt", appearance=appearance, robust=True,
         progress=False,
     )  # fmt: skip

@@ -77,6 +77,8 @@ class Viewing:
 class SampledField(Field):
     """A field that computes density and colour of a batch of samples; this class does the rest."""
 
+    can_look_aside = True
+
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: Any):
         """Allocate a batch of the `settings`, which :func:`check_batch` has checked."""
         self.rt, self.frame, self.seed, self.settings = rt, frame, seed, settings

@@ -35,8 +35,9 @@ HUBER = 0.1  # error of a channel above which Huber's loss grows linearly
 BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
 PARTS = 256  # partial sums of the background's gradient
 # Share of a training in light that changes during which colours are the same from all sides, or the
-# field would take the light of each photograph for one more side of the scene.
-SAME = 0.4
+# field would take the light of each photograph for one more side of the scene. Then the lights stay
+# as they are: sides and lights could change together without any effect on the photographs.
+SAME = 0.5
 FEW = 4  # held-out views of an evaluation during training
 
 Say = Callable[[float, str], None]  # the share that is done, and what it does
@@ -112,6 +113,7 @@ class Trainer:
             rt.zeros((1,)),
             self._share(),
         )
+        self.settled = False  # whether the lights of photographs are no longer learnt
         self._parts: dict[str, Callable[[], None]] = {}
         self._edition = -1
 
@@ -181,7 +183,7 @@ class Trainer:
         adam, at = self.rt.radiance.training.adam, learning.step
         if self.passing is not None:
             self.passing.learn(learning, scale)
-        if self.appearance is not None:
+        if self.appearance is not None and not self.settled:
             self.appearance.learn(learning, scale)
         self.field.learn(learning)
         if self.background == Background.LEARNT:
@@ -300,7 +302,9 @@ class Trainer:
     def tend(self, step: int, first: bool, progress: float) -> None:
         """Do the periodic work before a step, which may be the `first` one of a run."""
         if self.appearance is not None and (step % LOOK == 0 or first):
-            self.field.look_aside(progress < SAME)
+            aside = progress < SAME
+            self.field.look_aside(aside)
+            self.settled = self.field.can_look_aside and not aside
         self.field.tend(step, self.learning)
         if self.distractors is not None:
             self.distractors.tend(step)

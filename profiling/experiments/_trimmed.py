@@ -28,7 +28,8 @@ class Trimmed(Distractors):
     def __init__(self, rt: Runtime, shape: tuple[int, ...], rays: int):
         super().__init__(rt, shape, rays)
         self._width, self._last = shape[2], None
-        self._error, self._count = np.zeros((2, *self.patches.share.shape))
+        each = self.patches.share.shape
+        self._error, self._count = np.zeros(each), np.zeros(each)
         rt.write(self.patches.noise, np.array([FLAT], np.float32))
 
     def weigh(
@@ -52,7 +53,7 @@ class Trimmed(Distractors):
         self._count *= FADE
         np.add.at(self._error, at, errors[few])
         np.add.at(self._count, at, 1.0)
-        error, count = (uniform_filter(a, (1, 3, 3)) for a in (self._error, self._count))
+        error, count = (uniform_filter(a, 3, axes=(1, 2)) for a in (self._error, self._count))
         mean = error / np.maximum(count, 1e-6)
         kept = mean <= np.quantile(mean, KEPT)
         share = np.where(kept, 1 - LEAST, LEAST).astype(np.float32)

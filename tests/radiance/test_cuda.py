@@ -96,10 +96,9 @@ def test_planes_of_8_bits_are_those_of_the_cpu(backend):
     for here, there in zip(answers[:4], answers[4:], strict=True):
         assert not there[1][390:].any()
         for one, two in zip(here, there, strict=True):
-            # A weight of 1 / 256 that is rounded the other way moves a sample by as much. Units for
-            # textures round the place of a sample, from which CUDA has its weights, so many do.
+            # A weight of 1 / 256 that is rounded the other way moves a sample by as much.
             np.testing.assert_allclose(two, one, atol=0.02)
-            assert np.abs(two - one).mean() < 2e-3
+            assert np.abs(two - one).mean() < 1e-5
 
 
 def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):

@@ -90,6 +90,8 @@ class Field(abc.ABC):
     """Largest number of rays of a training batch."""
     first_rays: int
     """Number of rays of the first batch, before samples have been counted."""
+    can_look_aside: bool = False
+    """Whether :meth:`look_aside` has an effect."""
     edition: int = 0
     """Increases when arrays are replaced, which invalidates recordings made with the old ones."""
     gradient_scale: float = 1.0

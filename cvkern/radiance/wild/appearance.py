@@ -21,7 +21,7 @@ __all__ = ["fit_appearance"]
 
 RATE, WARMUP, FINAL = 1e-2, 100, 0.1  # learning rate, steps until it is full, share at the end
 RIDGE = 1e-4  # weight of the identity in the fit of a photograph's map, for each pixel
-DECAY = 3e-4  # weight decay towards the identity
+DECAY = 3e-5  # weight decay towards the identity
 PIXELS = 4096  # most pixels of the search for the light of a new photograph
 
 
@@ -123,8 +123,8 @@ def fit_appearance(
     if not chosen.any():
         raise ValueError("mask must choose a pixel, got none")
     embedded = model.appearance == "embedding"
+    few = np.argwhere(chosen)
     if embedded:
-        few = np.argwhere(chosen)
         few = few[:: -(-len(few) // PIXELS)]
         chosen = np.zeros(shape, bool)
         chosen[tuple(few.T)] = True

@@ -15,7 +15,7 @@ EVERY = 16  # steps between updates of the patches
 START, WEIGHT = 0.999, 1.0  # share of a patch before its rays are counted, and its weight in rays
 REMEMBERED = 64  # rays of a patch above which their number is halved, to forget the early ones
 # Mean squared error of the scene's own colours: at first, its least value, and its rate of change.
-NOISE, LEAST_NOISE, RATE = 0.03, 0.01, 0.02
+NOISE, LEAST_NOISE, RATE = 0.03, 0.003, 0.02
 PARTS = 256  # partial sums of the errors of a batch
 DISTRACTORS = "distractors."  # begins the names of their arrays
 

@@ -220,8 +220,14 @@ def test_colours_are_the_same_from_all_sides_at_first(scenes, monkeypatch):
         evaluate_samples(self, directions, samples)
 
     monkeypatch.setattr(HashNetwork, "evaluate", noting)
-    fit(scenes[1], field, steps=40, appearance="affine", progress=False)
-    assert sum(aside) == 16  # There are 40 steps, in blocks of 16.
+    lights = []
+    fit(
+        scenes[1], field, steps=40, appearance="affine", progress=False,
+        callback=lambda step, loss, model: lights.append(model.appearances),
+    )  # fmt: skip
+    assert sum(aside) == 32  # There are 40 steps, in blocks of 16.
+    assert (lights[0] != lights[1]).any()  # after 16 and 32 steps
+    np.testing.assert_array_equal(lights[1], lights[-1])  # then they stay
     assert not any(aside[aside.index(False) :])
     aside.clear()
     fit(scenes[1], field, steps=2, progress=False)

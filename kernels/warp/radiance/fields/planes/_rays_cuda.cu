@@ -1,14 +1,14 @@
 // needs FIRST, SIDEWAYS, MOST, TILE, TOGETHER, Path, Seen
 void walk(bool active, int ray, Path path, wp::array_t<float> planes,
-          wp::array_t<wp::uint64> textures, wp::array_t<wp::uint8> filled, int height, int width,
-          float stop, Seen seen) {
+          wp::array_t<wp::uint32> texels, wp::array_t<wp::uint8> filled, float stop, Seen seen) {
     // A block of rays meets a list of planes: those with something in the part that its rays can
-    // see. The texels of TOGETHER planes are asked for before any is used.
-    __shared__ float2 at[MOST];  // inverse depths of the planes of the list, and depths
-    __shared__ unsigned long long images[MOST];
+    // see. The texels of TOGETHER planes are loaded before any is used, so that loads wait together.
+    __shared__ float2 at[MOST];   // inverse depths of the planes of the list, and depths
+    __shared__ int places[MOST];  // their numbers
     __shared__ float boxes[32][8];
     __shared__ unsigned kept[MOST / 32];
-    const int count = textures.shape[0], lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+    const int count = texels.shape[0], height = texels.shape[1], width = texels.shape[2];
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
     const int warps = blockDim.x >> 5;
     // A ray meets the plane of q at (x + right q, y + down q); find the bounds of all rays.
     const bool ahead = active && path.ahead > SIDEWAYS;
@@ -59,40 +59,64 @@ void walk(bool active, int ray, Path path, wp::array_t<float> planes,
             const int place = listed + __popc(kept[word] & (1u << lane) - 1);
             const float q = planes.data[FIRST + k];
             at[place] = make_float2(q, 1.0f / q);
-            images[place] = textures.data[k];
+            places[place] = k;
         }
         listed += __popc(kept[word]);
     }
     __syncthreads();
     if (!active) return;
+    const unsigned even = 0x00FF00FFu;
+    const float unit = 1.0f / (255.0f * 256.0f);
+    const size_t area = (size_t)height * width;
     float red = 0.0f, green = 0.0f, blue = 0.0f, weight = 0.0f, far = 0.0f, through = 1.0f;
     const int end = ahead ? listed : 0;
     for (int k = 0; k < end && through > stop; k += TOGETHER) {
-        float4 found[TOGETHER];
+        unsigned corners[TOGETHER][4];
+        int shares[TOGETHER][2];
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
-            found[n] = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
+            corners[n][0] = corners[n][1] = corners[n][2] = corners[n][3] = 0;
+            shares[n][0] = shares[n][1] = 0;
             if (k + n < end) {
                 const float q = at[k + n].x;
-                const float column = path.x + path.right * q, row = path.y + path.down * q;
+                float column = path.x + path.right * q, row = path.y + path.down * q;
                 if (q * path.eye < 1.0f && row >= -0.5f && column >= -0.5f &&
-                    row <= height - 0.5f && column <= width - 0.5f)
-                    asm volatile("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
-                                 : "=f"(found[n].x), "=f"(found[n].y), "=f"(found[n].z),
-                                   "=f"(found[n].w)
-                                 : "l"(images[k + n]), "f"(column + 0.5f), "f"(row + 0.5f));
+                    row <= height - 0.5f && column <= width - 0.5f) {
+                    row = fminf(fmaxf(row, 0.0f), (float)(height - 1));
+                    column = fminf(fmaxf(column, 0.0f), (float)(width - 1));
+                    const int i = min((int)row, height - 2), j = min((int)column, width - 2);
+                    const unsigned* from = texels.data + places[k + n] * area + (i * width + j);
+                    corners[n][0] = __ldg(from);
+                    corners[n][1] = __ldg(from + 1);
+                    corners[n][2] = __ldg(from + width);
+                    corners[n][3] = __ldg(from + width + 1);
+                    shares[n][0] = (int)((column - j) * 256.0f + 0.5f);
+                    shares[n][1] = (int)((row - i) * 256.0f + 0.5f);
+                }
             }
         }
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
-            if (through > stop && found[n].w > 0.0f) {
-                const float part = through * found[n].w;
-                red += through * found[n].x;
-                green += through * found[n].y;
-                blue += through * found[n].z;
+            const unsigned* c = corners[n];
+            if (through > stop && (c[0] | c[1] | c[2] | c[3])) {
+                const int across = shares[n][0], along = shares[n][1];
+                const unsigned both = (across * along + 128) >> 8;
+                const unsigned w[4] = {256 - across - along + both, across - both, along - both,
+                                       both};
+                unsigned low = 0, high = 0;  // two channels each, in 16 bits
+#pragma unroll
+                for (int m = 0; m < 4; ++m) {
+                    low += (c[m] & even) * w[m];
+                    high += ((c[m] >> 8) & even) * w[m];
+                }
+                const float alpha = unit * (high >> 16), scale = unit * through;
+                const float part = through * alpha;
+                red += scale * (low & 0xFFFFu);
+                green += scale * (high & 0xFFFFu);
+                blue += scale * (low >> 16);
                 weight += part;
                 far += part * at[k + n].y;
-                through -= part;
+                through *= 1.0f - alpha;
             }
         }
     }

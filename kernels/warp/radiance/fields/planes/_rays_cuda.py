@@ -1,12 +1,10 @@
 """Rays through planes of 8 bits on CUDA: a thread takes a ray, a block 32 x 8 rays of a picture.
 
-The units for textures interpolate. A plane is copied to a texture when it is first rendered, and
-the copy is kept as long as the array of texels. Parts of planes that are empty are found then, in
-squares of TILE texels.
+Parts of planes that are empty are found when the planes are first rendered, in squares of TILE
+texels. The GPU's own units for textures were tried and took 1.3 times as long.
 """
 
 import weakref
-from typing import NamedTuple
 
 import warp as wp
 
@@ -27,44 +25,23 @@ _CONSTANTS = {
 }  # fmt: skip
 
 
-class Stack(NamedTuple):
-    """What is kept of planes."""
-
-    images: list[wp.Texture2D]
-    textures: wp.array
-    """Their handles, (D,) uint64."""
-    filled: wp.array
-    """Whether a square has a texel that is not 0, or a neighbour behind it, (D, h, w) uint8."""
+_filled: dict[int, wp.array] = {}  # by the identity of the array of texels
 
 
-_stacks: dict[int, Stack] = {}  # by the identity of the array of texels
+def filled_of(texels: wp.array) -> wp.array:
+    """Return whether squares of texels (D, H, W) uint32, which do not change, have something.
 
-
-def stack_of(texels: wp.array) -> Stack:
-    """Return what is kept of texels (D, H, W) uint32, which do not change."""
-    found = _stacks.get(id(texels))
+    The result is kept as long as the texels, (D, h, w) uint8. A square that is followed by texels
+    that are not 0 has something, too, because samples between the two read both.
+    """
+    found = _filled.get(id(texels))
     if found is None:
-        found = _stacks[id(texels)] = _made(texels)
-        weakref.finalize(texels, _stacks.pop, id(texels), None).atexit = False
+        count, height, width = texels.shape
+        tiles = count, -(-height // int(TILE)), -(-width // int(TILE))
+        found = _filled[id(texels)] = wp.empty(tiles, dtype=wp.uint8, device=texels.device)
+        launch(fill, tiles, [texels], [found])
+        weakref.finalize(texels, _filled.pop, id(texels), None).atexit = False
     return found
-
-
-def _made(texels: wp.array) -> Stack:
-    count, height, width = texels.shape
-    device, stride = texels.device, 4 * height * width
-    images = []
-    for plane in range(count):
-        start = texels.ptr + plane * stride
-        data = wp.array(ptr=start, dtype=wp.uint8, shape=(height, width, 4), device=device)
-        image = wp.Texture2D(
-            data, filter_mode=wp.TextureFilterMode.LINEAR, normalized_coords=False, device=device
-        )
-        images.append(image)
-    textures = wp.array([image.cuda_texture for image in images], dtype=wp.uint64, device=device)
-    tiles = count, -(-height // int(TILE)), -(-width // int(TILE))
-    filled = wp.empty(tiles, dtype=wp.uint8, device=device)
-    launch(fill, tiles, [texels], [filled])
-    return Stack(images, textures, filled)
 
 
 @wp.kernel
@@ -90,10 +67,8 @@ def walk(
     ray: int,
     path: Path,
     planes: wp.array[float],
-    textures: wp.array[wp.uint64],
+    texels: wp.array3d[wp.uint32],
     filled: wp.array3d[wp.uint8],
-    height: int,
-    width: int,
     stop: float,
     seen: Seen,
 ): ...
@@ -105,10 +80,8 @@ def render_bytes(
     row: int,  # rays of a row of the picture
     rays: Rays,
     planes: wp.array[float],  # (16 + D,)
-    textures: wp.array[wp.uint64],  # (D,)
+    texels: wp.array3d[wp.uint32],  # (D, H, W)
     filled: wp.array3d[wp.uint8],  # (D, h, w)
-    height: int,
-    width: int,
     stop: float,
     # outputs
     seen: Seen,
@@ -125,7 +98,7 @@ def render_bytes(
     ray = wp.clamp(i, 0, count - 1)
     active = inside and ray < rays.active[0]
     path = path_of(planes, rays, ray)
-    walk(active, ray, path, planes, textures, filled, height, width, stop, seen)
+    walk(active, ray, path, planes, texels, filled, stop, seen)
 
 
 def threads(count: int, row: int) -> int:

@@ -141,8 +141,8 @@ def render(
     `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
     from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
     interpolated with weights that are multiples of 1 / 256, and must not change after they were
-    first rendered: on CUDA they are kept as textures, unless there is a `shine`. `row` is the width
-    of the picture if the rays are those of its pixels, row by row, or 0.
+    first rendered: on CUDA their empty parts are remembered. `row` is the width of the picture if
+    the rays are those of its pixels, row by row, or 0.
     """
     count = rays.origins.shape[0]
     if len(texels.shape) == 4:
@@ -150,8 +150,7 @@ def render(
     inputs = [struct_of(Rays, rays), planes, texels, _shine(shine), stop]
     words = texels.device.is_cuda and texels.dtype is wp.uint32
     if words and shine is None and texels.shape[0] <= cuda.MOST:
-        kept = cuda.stack_of(texels)
-        given = [count, row, *inputs[:2], kept.textures, kept.filled, *texels.shape[1:], stop]
+        given = [count, row, *inputs[:3], cuda.filled_of(texels), stop]
         launch(cuda.render_bytes, cuda.threads(count, row), given, [struct_of(Seen, seen)])
         return
     launch_each(
