@@ -5,13 +5,14 @@ This is the only module that knows there is more than one kernel framework.
 
 from __future__ import annotations
 
+import ctypes
 import importlib
 import importlib.util
 import os
 import re
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from contextvars import ContextVar
 from functools import lru_cache
 from typing import Any
@@ -169,9 +170,9 @@ def release_memory() -> None:
     Each thread keeps the scratch memory of its calls, so that the next call need not allocate it:
     on the host at most ``CVKERN_SCRATCH_MB`` mebibytes in all threads together, by default 1024.
     This function frees all scratch memory on the host, the scratch memory of this thread on GPUs,
-    and the pinned host memory for results. Other threads free theirs on GPUs at their next call
-    that uses scratch memory. Running calls of other threads are not disturbed. The memory of a
-    captured call (:func:`capture`) stays.
+    and the pinned host memory for results, and gives it back to the system. Other threads free
+    theirs on GPUs at their next call that uses scratch memory. Running calls of other threads are
+    not disturbed. The memory of a captured call (:func:`capture`) stays.
 
     Raises
     ------
@@ -188,6 +189,13 @@ def release_memory() -> None:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:
             loaded.release_memory()
+    _trim()
+
+
+def _trim() -> None:
+    """Give freed memory back to the system, where the C library can; glibc keeps it by itself."""
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 class Runtime(Folder):

@@ -56,6 +56,16 @@ def test_edges_are_means_of_derivatives(method, order, p):
     np.testing.assert_allclose(got, np.array(found) / max(found), rtol=1e-6)
 
 
+def test_bright_and_dark_is_the_axis_of_both():
+    """D. Cheng, D. Prasad and M. Brown 2014: the pixels that are extreme along the mean colour."""
+    pixels = np.random.default_rng(8).uniform(0.05, 0.9, (1600, 3)) ** [1, 2, 3]
+    found = cvkern.estimate_illuminant(pixels.reshape(40, 40, 3), "bright_and_dark", white=2.0)
+    along = pixels @ pixels.mean(axis=0)
+    low, high = np.sort(along)[[55, -56]]  # 3.5 % are 56
+    axis = np.abs(np.linalg.svd(pixels[(along <= low) | (along >= high)])[2][0])
+    np.testing.assert_allclose(found, axis / axis.max(), rtol=1e-6)
+
+
 def test_the_default_is_a_mean_of_three():
     image = scene()
     parts = [cvkern.estimate_illuminant(image, m) for m in

@@ -167,11 +167,12 @@ def test_broken_files(tmp_path, text, said):
 def test_files_that_are_none(tmp_path):
     (tmp_path / "a.json").write_text("[1]")
     (tmp_path / "b.json").write_bytes(b"\xff\xfe{")
-    for name in ("a", "b"):
+    (tmp_path / "c.json").write_text("[" * 100_000)
+    for name in ("a", "b", "c"):
         with pytest.raises(ValueError, match="no calibration: "):
             cvkern.read_calibration(tmp_path / f"{name}.json")
     with pytest.raises(FileNotFoundError):
-        cvkern.read_calibration(tmp_path / "c.json")
+        cvkern.read_calibration(tmp_path / "d.json")
     refused(
         ValueError, "path must end in .json, .yml, .yaml or .xml, got 'a.txt'",
         cvkern.read_calibration, "a.txt",

@@ -207,6 +207,15 @@ def test_dtypes(sheet):
     assert flat.image.ndim == 2
     (mixed,) = cvkern.stitch([gray[0], sheet[1]])
     assert mixed.image.shape[2] == 3
+    # Colours win where they are; far from them a grey photograph stays grey.
+    seen = [seen_in(mixed, n, image)[1] for n, image in enumerate((gray[0], sheet[1]))]
+    spread = np.ptp(mixed.image.astype(int), axis=2)
+    away = ndi.distance_transform_edt(~seen[1]) > 60
+    assert spread[seen[0] & away].max() <= 1
+    drawn = seen_in(mixed, 1, np.ascontiguousarray(sheet[1]))[0]
+    both = ndi.binary_erosion(seen[0] & seen[1], iterations=3)
+    assert np.median(np.abs(mixed.image[..., 0] / mixed.gains[1, 0] - drawn)[both]) < 2
+    assert np.median(spread[both]) > 30
 
 
 def test_exposures_are_made_alike(sheet):
@@ -217,6 +226,10 @@ def test_exposures_are_made_alike(sheet):
     np.testing.assert_allclose(gains[1] / gains[2], 1 / 0.6, rtol=0.04)
     (bare,) = cvkern.stitch(dark, compensate=False)
     assert (bare.gains == 1).all()
+    lit = (sheet[1] * 1.8).clip(0, 255).astype(np.uint8)
+    assert 0.1 < (lit == 255).mean() < 0.5  # these do not measure the exposure
+    (panorama,) = cvkern.stitch([sheet[0], lit, sheet[2]])
+    np.testing.assert_allclose(panorama.gains[1] / panorama.gains[[0, 2]], 1 / 1.8, rtol=0.04)
 
 
 @pytest.mark.parametrize("where", [(60, 20), (110, 60), (150, 130)])

@@ -61,10 +61,11 @@ def test_develop_undoes_what_a_camera_does(backend):
     np.testing.assert_allclose(real * 255, got, atol=0.51)
 
 
-def test_highlights_are_white():
-    raw = cvkern.mosaic(np.minimum(np.full((16, 16, 3), 2.0) * [0.5, 1, 0.7], 1))
+@pytest.mark.parametrize("light", [(0.5, 1, 0.7), (1, 0.5, 0.7)])
+def test_highlights_are_white(light):
+    raw = cvkern.mosaic(np.minimum(np.full((16, 16, 3), 2.0) * light, 1))
     for highlights in ("rebuild", "clip"):
-        got = cvkern.develop(raw, white=1, illuminant=(0.5, 1, 0.7), highlights=highlights)
+        got = cvkern.develop(raw, white=1, illuminant=light, highlights=highlights)
         assert (got == 255).all()
 
 
@@ -138,6 +139,11 @@ def test_commands(monkeypatch, capsys, tmp_path):
     code, said = run(monkeypatch, capsys, "hdr", folder, "-o", folder / "1.png", "--tone", "fuse")
     assert code == 2
     assert "output must not be a file that is read" in said.err.replace("\n", " ")
+    for broken in ("[" * 100_000, '{"0.png": null, "1.png": 1, "2.png": 2}', "[1, 2, 3]"):
+        (folder / "exposure_seconds.json").write_text(broken)
+        code, said = run(monkeypatch, capsys, *words)
+        assert code == 2
+        assert "exposure_seconds.json must have a time" in said.err.replace("\n", " ")
     times = {f"{k}.png": t for k, t in enumerate((0.25, 0.5, 1))}
     (folder / "exposure_seconds.json").write_text(json.dumps(times))
     assert run(monkeypatch, capsys, *words)[0] == 0

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern._runtime import runtime
+from cvkern.raw import alignment
 from tests.raw import reference_pyramids as reference
 from tests.truth import truth
 
@@ -219,6 +221,14 @@ def test_noise_about_the_median_does_not_count(seed):
     noise = rng.integers(-1, 2, (2, 64, 96))
     images = (np.stack([soft, np.roll(soft, (3, -2), (0, 1))]) + noise).astype(np.uint8)
     assert cvkern.align_exposures(images, reach=8).shifts.tolist() == [[3, -2], [0, 0]]
+
+
+def test_sides_are_those_of_the_lower_median(backend):
+    """Of an even number of pixels it is the lower of the two in the middle."""
+    levels = np.array([[[0, 9, 9, 9], [0, 0, 9, 0]], [[3, 3, 4, 4], [4, 4, 4, 1]]], np.int32)
+    rt = runtime(levels)
+    _, medians = alignment._split(rt, 0, rt.adopt(levels, levels.dtype))
+    assert medians.tolist() == [0, 4]
 
 
 def test_alignment(backend):

@@ -80,6 +80,18 @@ def test_an_edge_gets_no_halo(backend):
     assert logs[:, 200].mean() - logs[:, 50].mean() == pytest.approx(3, abs=0.1)
 
 
+def test_the_base_and_not_its_details_gets_the_contrast(backend):
+    """Of 12 stops between two sides 4 are left, and details keep their 0.4 stops to either side."""
+    sides = np.where(np.arange(120) < 60, 0.0, 12.0) * np.ones((80, 1))
+    details = 0.4 * (2 * (np.indices(sides.shape).sum(axis=0) % 2) - 1)
+    logs = np.log2(cvkern.tone_map(2 ** (sides + details), "bilateral", contrast=16))
+    dark, bright = (logs[:, part][details[:, part] < 0] for part in (slice(8, 45), slice(75, 112)))
+    # The brighter pixels of the bright side are white. The base follows details by 0.04 stops; if
+    # it were measured with them, 12.8 stops for 4 would leave 3.75.
+    assert bright.mean() - dark.mean() == pytest.approx(4 * 12 / 12.08, abs=0.05)
+    assert np.ptp(logs[8:-8, 8:45]) == pytest.approx(0.8 - 0.08, abs=0.02)
+
+
 def test_one_brightness_is_white():
     np.testing.assert_allclose(cvkern.tone_map(np.full((9, 7), 3.0), "local_laplacian"), 1)
 

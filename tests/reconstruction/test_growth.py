@@ -264,6 +264,27 @@ def test_pairs_that_contradict_all_others_are_left_out():
     assert kept == [p for p in pairs if p is not wrong]
 
 
+def test_a_plane_keeps_its_motion_if_neither_agrees_with_the_others():
+    """Of a wall's two motions neither may be right: the other one is taken only if it fits."""
+    turns = scenes.ring(4)[:, :, :3].transpose(0, 2, 1)
+    between = lambda i, j: turns[j] @ turns[i].T  # noqa: E731
+    places, shift = np.zeros((20, 2), int), np.array([1.0, 0, 0])
+    pairs = [
+        _pairs.Pair(i, j, places, 0.5, between(i, j), shift, np.full((3, 4), np.nan))
+        for i, j in ((0, 1), (1, 2), (2, 3), (0, 2))
+    ]
+    for off, right in ((0.02, True), (0.6, False)):
+        other = np.column_stack((between(1, 3) @ turned(off), shift))
+        wall = _pairs.Pair(1, 3, places, 0.99, between(1, 3) @ turned(1.0), shift, other)
+        (found,) = [p for p in _pairs.agreeing([*pairs, wall], 4) if p.flat > 0.9]
+        want = other[:, :3] if right else wall.rotation
+        np.testing.assert_array_equal(found.rotation, want)
+
+
+def turned(angle):
+    return Rotation.from_rotvec([0, 0, angle]).as_matrix()
+
+
 def test_tracks_never_have_a_photograph_twice():
     def keypoints(count):
         at = np.arange(2.0 * count).reshape(-1, 2)

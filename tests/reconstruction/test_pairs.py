@@ -43,6 +43,20 @@ def test_photographs_of_a_place_share_words(places):
     assert [tuple(p) for p in pairs] == [(i, j) for i in range(12) for j in range(i + 3, 12, 3)]
 
 
+def test_likeness_is_that_of_numpy(places):
+    """The cosines of words that weigh sqrt(n) log(N / N_word)."""
+    places[0] = described(np.concatenate([places[0].descriptors] * 3))  # of repeated things
+    rt = runtime(places[0].descriptors)
+    words = np.asarray(_vocabulary.learn_words(rt, places)).astype(int)
+    numbers = np.array([
+        np.bincount(((k.descriptors[:, None] - words) ** 2).sum(axis=2).argmin(axis=1),
+                    minlength=len(words)) for k in places
+    ])  # fmt: skip
+    weighed = np.sqrt(numbers) * np.log(len(places) / np.maximum((numbers > 0).sum(axis=0), 1))
+    weighed /= np.linalg.norm(weighed, axis=1)[:, None]
+    np.testing.assert_allclose(_vocabulary.likeness(rt, places), weighed @ weighed.T, atol=1e-9)
+
+
 def test_words_are_those_of_numpy(places):
     """K-means by broadcasting: the nearest word, the first of equals; means rounded half up."""
     words = np.asarray(_vocabulary.learn_words(runtime(places[0].descriptors), places))

@@ -238,6 +238,7 @@ def test_lights_of_nobody(backend, equal):
     images = cvkern.lambertian(depth, true, albedo=albedo)
     found = cvkern.estimate_lights(images, equal=equal)
     assert between(found, true).max() < 1.5
+    assert np.linalg.norm(found, axis=1).mean() == pytest.approx(1)
     sizes = np.linalg.norm(found, axis=1) / np.linalg.norm(true, axis=1)
     np.testing.assert_allclose(sizes, sizes.mean(), rtol=0.03)
     rng = np.random.default_rng(0)

@@ -84,11 +84,17 @@ def _times(seconds: str | None, folder: Path, paths: list[Path]) -> list[float]:
         file = folder / TIMES
         if not file.is_file():
             raise ValueError(f"seconds must be given, or {TIMES} be in the folder, got neither")
-        table = json.loads(file.read_text(encoding="utf-8"))
-        missing = [path.name for path in paths if path.name not in table]
-        if missing:
-            raise ValueError(f"{TIMES} must have a time for each image, got none for {missing[0]}")
-        return [float(table[path.name]) for path in paths]
+        try:
+            table = dict(json.loads(file.read_text(encoding="utf-8")))
+        except (ValueError, TypeError, RecursionError) as error:
+            raise ValueError(f"{TIMES} must have a time for each image: {error}") from None
+        for path in paths:
+            time = table.get(path.name)
+            if isinstance(time, bool) or not isinstance(time, (int, float)):
+                raise ValueError(
+                    f"{TIMES} must have a time for each image, got {time} for {path.name}"
+                )
+        return [table[path.name] for path in paths]
     try:
         parts = [part.split("/") for part in seconds.split(",")]
         return [float(p[0]) / float(p[1]) if len(p) == 2 else float(p[0]) for p in parts]

@@ -207,7 +207,7 @@ def _boxes(file: Path, pictures: list[Path]) -> list[list[list[float]]] | None:
         return None
     try:
         given = json.loads(file.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{BOXES} must be JSON, got {str(file)!r}: {error}") from None
     names = {picture.name for picture in pictures}
     if not isinstance(given, dict) or not set(given) <= names:

@@ -169,7 +169,9 @@ def read_calibration(
             text
         )
         return _calibration(_named(values), shape, right_shape)
-    except (ValueError, TypeError, KeyError, OverflowError, ElementTree.ParseError) as error:
+    except (
+        ValueError, TypeError, KeyError, OverflowError, RecursionError, ElementTree.ParseError,
+    ) as error:  # fmt: skip
         said = str(error) if not isinstance(error, KeyError) else f"{error.args[0]} is missing"
         raise ValueError(f"{name}: no calibration: {said}") from None
 

@@ -1,9 +1,9 @@
 """Normals and albedo of pixels seen under several lights, in Warp.
 
-The Taichi set has the equations. Least squares take 64 pixels at once on the CPU; on CUDA one pixel
-a thread, whose values stay in registers if there are not too many images. Robust rules take
-eight pixels at once on the CPU (`_photometry_cpu.h`), and one a thread on CUDA: `_robust_cuda.cu`
-under distant lights.
+The Taichi set has the equations. On the CPU, least squares take 64 pixels at once, and robust rules
+eight (`_photometry_cpu.h`). On CUDA a thread takes a pixel: its values stay in registers for least
+squares (`_photometry_cuda.cu`), and in shared memory for robust rules under distant lights
+(`_robust_cuda.cu`), if there are not too many images.
 """
 
 import warp as wp
