@@ -275,10 +275,7 @@ class Runtime(Folder):
         return self._set.free_memory(self.device)
 
     def host_view(self, array: Any) -> np.ndarray:
-        """View a kernel array of the CPU as a NumPy array.
-
-        Captured calls may use this but not :meth:`to_numpy`, because a replay reads the view again.
-        """
+        """View an array of the CPU for NumPy; unlike :meth:`to_numpy`, in captured calls too."""
         return self._set.to_numpy(array)
 
     def own_scratch(self, scratch: dict[Any, Any]) -> AbstractContextManager[None]:

@@ -41,6 +41,7 @@ from cvkern.recognition.votes import layout
 
 SHEET = 2.5  # least sides of a negative, in sides of the object's box; smaller ones are mirrored
 MOST_PASTED = 100  # negatives that objects are put into
+FEW = 200  # objects, below which they are seen from more grids
 NEAR = 0.3  # part of a box: places as near to an object are the object
 OTHER_SIZE = OCTAVE // 3  # steps of scale: sizes so far from an object's are not the object
 
@@ -78,12 +79,15 @@ def fit(
     settings: Settings,
 ) -> Fitted:
     """Learn from objects (N, h, w) in parts of white, and from pictures without any."""
-    step = settings.sampling.step
-    firsts = [(0, 0)]
-    if settings.sampling.points == "grid" and step > 1:
-        half = step // 2
-        firsts += [(half, half), (0, half), (half, 0)]
-    patches = np.concatenate([look(rt, picture, settings, None).patches for picture in objects])
+    firsts = grids_of(settings, len(objects))
+    of_words = firsts[: 1 if len(objects) >= FEW else 2]
+    patches = np.concatenate(
+        [
+            look(rt, picture, settings, None, first=f).patches
+            for picture in objects
+            for f in of_words
+        ]
+    )
     patches = patches[patches.any(axis=1)]
     if not len(patches):
         raise ValueError("images must have patches that are not flat, got none")
@@ -112,6 +116,22 @@ def fit(
         words, starts, entries, np.empty((0, 0), np.uint8) if figures is None else figures,
         learnt.weights, learnt.bias, threshold,
     )  # fmt: skip
+
+
+def grids_of(settings: Settings, count: int) -> list[tuple[int, int]]:
+    """Return first pixels of grids that each of `count` objects is seen from.
+
+    An object in a photograph begins anywhere between the points of its grid. Many objects vary by a
+    pixel themselves; few are seen from twice as many grids.
+    """
+    step = settings.sampling.step
+    if settings.sampling.points != "grid" or step == 1:
+        return [(0, 0)]
+    half, quarter = step // 2, step // 4
+    firsts = [(0, 0), (half, half), (0, half), (half, 0)]
+    if count < FEW and quarter:
+        firsts += [(row + quarter, column + quarter) for row, column in firsts]
+    return firsts
 
 
 def sheet_of(negative: np.ndarray, settings: Settings) -> np.ndarray:

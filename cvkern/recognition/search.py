@@ -11,7 +11,7 @@ import numpy as np
 
 from cvkern._checks import check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, UNIT, Occurrences
+from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, UNIT, Occurrences, Patches
 from cvkern.recognition._arguments import check_picture, check_scales
 from cvkern.recognition._kept import kept
 from cvkern.recognition.choices import explain
@@ -76,33 +76,34 @@ def search(
     if not len(places.places):
         rt.clear(sums)
         return Found(rt, shape, sizes, hall, sums, 0, modes, None)
-    corners, *there = (
+    corners, where, rows, levels = (
         sent(rt, name, array, sampling) for name, array in zip(Places._fields, places, strict=True)
     )
     words, weights = kept(rt, fitted.words), kept(rt, fitted.weights)
     occurrences = Occurrences(kept(rt, fitted.starts), kept(rt, fitted.entries))
     figures = kept(rt, fitted.figures) if painted else None
     frame = frame_on(rt, settings)
-    painters: list[Painter] = []
+    matches = rt.scratch("recognition.matches", (len(places.places), settings.most), np.int32)
+    patches = Patches(where, rows, levels, matches)
+    painter = None
+    if painted:
+        painter = Painter(rt, patches, occurrences, hall, frame, figures, balance)
     room = _rooms.get(rt.device, ROOM)
 
     def run() -> None:
         """Launch all kernels."""
         if sampling.points == "grid":
             fill(rt, pixels, pyramid)
-        patches = activate(
-            rt, cut(rt, pixels, corners, sampling), there, words, settings.least, settings.most
-        )
+        activate(rt, cut(rt, pixels, corners, sampling), words, settings.least, matches)
         own, starts = find_modes(rt, patches, occurrences, hall, sums, room)
         judge = Judge(rt, patches, weights, hall.space, frame)
         promising = max(floor - HOPE * UNIT, -(2**31))
         climbed = climb(judge, own, weigh(judge, own), promising)
         explain(judge, *climbed, starts, floor, modes)
-        if painted:
-            painters[:] = [Painter(rt, patches, occurrences, hall, frame, figures, balance)]
-            painters[0].paint(modes)
+        if painter:
+            painter.paint(modes)
 
-    given = pixels, corners, *there, words, weights, *occurrences, *hall.space[:1], hall.tiles
+    given = pixels, corners, *patches, words, weights, *occurrences, *hall.space[:1], hall.tiles
     given += hall.space.factors, hall.spans, frame.layers, sums, modes
     given += (figures, balance) if painted else ()
     while True:
@@ -115,7 +116,7 @@ def search(
         if rt.device == "cpu" or votes <= room:
             break
         room = _rooms[rt.device] = 1 << (votes - 1).bit_length()
-    return Found(rt, shape, sizes, hall, sums, number, modes, painters[0] if painters else None)
+    return Found(rt, shape, sizes, hall, sums, number, modes, painter)
 
 
 def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.recognition import FACTOR_BITS, FINE, NOBODY, OCTAVE, ONE, UNIT, Frame
 from cvkern.recognition._kept import kept
-from cvkern.recognition.patches import Places, Sampling, sample, scale_code, sent
+from cvkern.recognition.patches import Places, Sampling, sample, scale_code
 from cvkern.recognition.votes import activate
 
 if TYPE_CHECKING:
@@ -143,11 +143,9 @@ def look(
     if words is None:
         own = np.array(rt.to_numpy(patches))
     elif count:
-        there = [
-            sent(rt, name, getattr(places, name), settings.sampling) for name in Places._fields[1:]
-        ]
-        active = activate(rt, patches, there, kept(rt, words), settings.least, settings.most)
-        matches = np.array(rt.to_numpy(active.matches))
+        matches = rt.scratch("recognition.matches", (count, settings.most), np.int32)
+        activate(rt, patches, kept(rt, words), settings.least, matches)
+        matches = np.array(rt.to_numpy(matches))
     shift = FINE * np.array([*first, 0], np.int32)
     rows = places.rows + shift[[0, 2, 2]]
     moved = places._replace(places=places.places + shift, rows=rows)
@@ -176,7 +174,7 @@ def occurrences_of(
             seen = np.lib.stride_tricks.sliding_window_view(mask, (side, side))
             # The masks of larger patches are not used.
             row, column = (corner[:, i].clip(0, seen.shape[i] - 1) for i in (0, 1))
-            figures.append(seen[row, column].reshape(len(patch), -1))
+            figures.append(seen[row, column].reshape(len(patch), side * side))
     rows, of, seen = np.unique(
         np.concatenate(found), axis=0, return_inverse=True, return_counts=True
     )

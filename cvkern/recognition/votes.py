@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -14,7 +13,6 @@ from cvkern.kernels.codes.recognition import (
     FACTOR_BITS,
     FINE,
     OCTAVE,
-    Patches,
     Space,
     Window,
 )
@@ -94,17 +92,7 @@ def hall_on(
     return Hall(space, window, kept(rt, tiles), kept(rt, spans), kept(rt, sizes))
 
 
-def activate(
-    rt: Runtime, patches: Any, places: Sequence[Any], words: Any, least: int, most: int
-) -> Patches:
-    """Match patches with the words of a codebook; return what is voted with, for kernels.
-
-    `places` are the places, rows and levels of the patches, for kernels.
-    """
-    products, matches = (
-        rt.scratch(f"recognition.{name}", (patches.shape[0], most), np.int32)
-        for name in ("products", "matches")
-    )
+def activate(rt: Runtime, patches: Any, words: Any, least: int, matches: Any) -> None:
+    """Match patches with the words of a codebook: `matches` (N, M) are the best of each."""
+    products = rt.scratch("recognition.products", matches.shape, np.int32)
     rt.recognition.codebook.match_words(patches, words, least, products, matches)
-    where, rows, levels = places
-    return Patches(where, rows, levels, matches)

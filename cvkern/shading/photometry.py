@@ -103,7 +103,8 @@ def photometric_stereo(
     `least_squares` gives the same bits with both kernel sets. The other methods compute in float64,
     and agree up to the rounding of their float32 results; on a GPU, all but `sparse_bayes` sum up
     in float32 and correct the solution by what it leaves: normals agree to 2e-5 at 99 % of the
-    pixels, and to 5e-3 where hardly more images than unknowns decide on the weights.
+    pixels, and to 5e-3 where hardly more images than unknowns decide on the weights, and with `l1`,
+    whose weights of small residuals jump.
 
     References
     ----------

@@ -41,3 +41,23 @@ def test_arrays_of_other_libraries(gpu, library):
     found = model.detect(give(library, IMAGE))
     for a, b in zip(found, want, strict=True):
         np.testing.assert_array_equal(take(a), b)
+
+
+def test_a_graph_finds_what_the_cpu_finds(gpu, monkeypatch):
+    """Pictures of one size share a graph; the room for votes grows when it is too small."""
+    search = "cvkern.recognition.search."
+    monkeypatch.setattr(search + "ROOM", 64)
+    monkeypatch.setattr(search + "_rooms", {})
+    model = cvkern.ShapeModel(60).fit(things(2), masks=[np.ones((32, 48), bool)] * 2)
+    given = give("torch", IMAGE.copy())
+    for number in range(5):
+        image = np.ascontiguousarray(np.roll(IMAGE, 13 * number, axis=1))
+        given[...] = give("torch", image)
+        want, masks = model.segment(image, threshold=-3.0 + number)
+        found, own = model.segment(given, threshold=-3.0 + number)
+        again = model.segment(given, threshold=-3.0 + number)
+        assert len(want.scores) > 0
+        for a, b in zip((*found, own), (*want, masks), strict=True):
+            np.testing.assert_array_equal(take(a), b)
+        for a, b in zip((*again.objects, again.masks), (*want, masks), strict=True):
+            np.testing.assert_array_equal(take(a), b)
