@@ -65,7 +65,10 @@ _NAMES = {
         "hough_line_segments", "hough_line_slope", "probabilistic_hough_line", "r_table",
         "suggest_line_bins",
     ),
-    "panorama": ("Panorama", "Recognition", "recognize_panoramas", "stitch"),
+    "panorama": (
+        "Panorama", "PhotographMatches", "Recognition", "match_photographs",
+        "recognize_panoramas", "stitch",
+    ),
     "raw": (
         "Alignment", "align_exposures", "demosaic", "develop", "estimate_response",
         "fit_color_matrix", "fuse_exposures", "merge_exposures", "mosaic", "tone_map",

@@ -1,7 +1,6 @@
 """The array libraries of callers, one class each.
 
-A library is recognised by the module of an array's type, and imported only when cvkern gets such an
-array.
+A library is recognised by the module of an array's type, and imported when cvkern gets an array.
 """
 
 from __future__ import annotations
@@ -83,8 +82,7 @@ class Library(ABC):
 
     def join(self, arrays: list[Any]) -> Any:
         """Return arrays of one dtype, one after the other; None if the library cannot."""
-        join = getattr(getattr(self, "module", None), "concatenate", None)
-        return None if join is None else join(arrays)
+        return getattr(getattr(self, "module", None), "concatenate", lambda _: None)(arrays)
 
     def ranks(self, array: Any, extra: float) -> tuple[Any, Any, int]:
         """Return the sorted distinct values of `array` and `extra`, and the index of each."""

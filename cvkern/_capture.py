@@ -32,7 +32,8 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
     callable
         Takes no arguments and returns the results of `function`: the same arrays each time, newly
         filled. On a GPU they are filled on the caller's current stream. Two threads must not call
-        it at once.
+        it at once. CUDA records nothing while other threads use it: each repetition then launches
+        the kernels anew.
 
     Raises
     ------

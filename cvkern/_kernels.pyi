@@ -50,6 +50,7 @@ class Folder:
         class lines:
             from cvkern.kernels.warp.hough.lines import peaks as peaks
             from cvkern.kernels.warp.hough.lines import progressive as progressive
+            from cvkern.kernels.warp.hough.lines import runs as runs
             from cvkern.kernels.warp.hough.lines import segments as segments
             from cvkern.kernels.warp.hough.lines import votes as votes
     class panorama:
@@ -57,14 +58,10 @@ class Folder:
         from cvkern.kernels.warp.panorama import seams as seams
         from cvkern.kernels.warp.panorama import warping as warping
     class radiance:
-        from cvkern.kernels.warp.radiance import appearance as appearance
         from cvkern.kernels.warp.radiance import compositing as compositing
-        from cvkern.kernels.warp.radiance import distractors as distractors
-        from cvkern.kernels.warp.radiance import embeddings as embeddings
         from cvkern.kernels.warp.radiance import encodings as encodings
         from cvkern.kernels.warp.radiance import pinhole as pinhole
         from cvkern.kernels.warp.radiance import rendering as rendering
-        from cvkern.kernels.warp.radiance import transient as transient
         class fields:
             from cvkern.kernels.warp.radiance.fields import hash as hash
             class perceptron:
@@ -86,6 +83,11 @@ class Folder:
             from cvkern.kernels.warp.radiance.training import adam as adam
             from cvkern.kernels.warp.radiance.training import background as background
             from cvkern.kernels.warp.radiance.training import losses as losses
+        class wild:
+            from cvkern.kernels.warp.radiance.wild import appearance as appearance
+            from cvkern.kernels.warp.radiance.wild import distractors as distractors
+            from cvkern.kernels.warp.radiance.wild import embeddings as embeddings
+            from cvkern.kernels.warp.radiance.wild import transient as transient
     class raw:
         from cvkern.kernels.warp.raw import alignment as alignment
         from cvkern.kernels.warp.raw import bands as bands
@@ -99,9 +101,11 @@ class Folder:
             from cvkern.kernels.warp.raw.demosaicing import planes as planes
             from cvkern.kernels.warp.raw.demosaicing import residual as residual
     class recognition:
+        from cvkern.kernels.warp.recognition import choices as choices
         from cvkern.kernels.warp.recognition import codebook as codebook
         from cvkern.kernels.warp.recognition import figures as figures
         from cvkern.kernels.warp.recognition import hypotheses as hypotheses
+        from cvkern.kernels.warp.recognition import modes as modes
         from cvkern.kernels.warp.recognition import patches as patches
         from cvkern.kernels.warp.recognition import votes as votes
     class reconstruction:

@@ -303,7 +303,7 @@ class Runtime(Folder):
         self._set.write(array, np.ascontiguousarray(values))
 
     def stream(self) -> int:
-        """Return the address of the CUDA stream that this thread's launches go to."""
+        """Return the address of this thread's CUDA stream."""
         return self._set.stream(self.device)
 
     def free_memory(self) -> int:
@@ -329,11 +329,7 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-        """Launch what `call` launches; Warp on CUDA does it by one graph from the second time on.
-
-        All that `call` does must follow from its key and from the addresses and shapes of the
-        arrays, which include its inputs and all scratch memory that is used after it.
-        """
+        """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
 
     @property
@@ -371,15 +367,10 @@ class Runtime(Folder):
 
 def check_devices(devices: Sequence[str] | None) -> list[str]:
     """Return the devices that a call names, all of which exist; by default that in use."""
-    if devices is None:
-        return [choice()[1]]
-    found = list(as_items(devices, "devices", "names of devices"))
+    found = (choice()[1],) if devices is None else as_items(devices, "devices", "names of devices")
     if not found:
         raise ValueError("devices must name at least one, got none")
-    for place in found:
-        with use(device=place):
-            pass
-    return found
+    return [_checked(choice()[0], place)[1] for place in found]
 
 
 def pinned() -> Callable[[], use]:

@@ -59,10 +59,10 @@ def pytest_ignore_collect(collection_path, config):
 # Seconds of the files that take longest, of 800 in all in two processes. Files go to the next free
 # process: the longest first, or one process would still have a long one when the others are done.
 SECONDS = {
-    "docs/test_docstrings.py": 150,
-    "app/test_tour.py": 80,
+    "docs/test_docstrings.py": 190,
+    "app/test_tour.py": 70,
     "fuzz/test_fuzz.py": 50,
-    "app/test_doctor.py": 45,
+    "app/test_doctor.py": 30,
     "radiance/training/test_training.py": 40,
     "runtime/test_cache.py": 30,
     "test_cuda_source.py": 30,

@@ -12,11 +12,12 @@ from typing import Annotated
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, progress_bar
+from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, progress_bar
+from cvkern.app.commands._folders import over_folders
 from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.cameras import cameras
 from cvkern.app.commands.circles import circles
-from cvkern.app.commands.develop import develop
+from cvkern.app.commands.develop import SUFFIXES, develop
 from cvkern.app.commands.edges import edges
 from cvkern.app.commands.find import find
 from cvkern.app.commands.hdr import hdr
@@ -80,10 +81,10 @@ def _options(
     pass
 
 
-app.command()(edges)
-app.command()(lines)
-app.command()(circles)
-app.command()(find)
+app.command()(over_folders(edges))
+app.command()(over_folders(lines))
+app.command()(over_folders(circles))
+app.command()(over_folders(find, "scene"))
 app.command()(match)
 app.command()(pair)
 app.command()(panorama)
@@ -92,7 +93,7 @@ app.command()(cameras)
 app.command()(stereo)
 app.command()(relief)
 app.command()(scan)
-app.command()(develop)
+app.command()(over_folders(develop, endings=(*PHOTOGRAPHS, *SUFFIXES)))
 app.command()(hdr)
 app.command()(scale)
 app.command()(view)

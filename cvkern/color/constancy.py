@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,11 +13,14 @@ from cvkern._checks import as_numbers, check_beside, check_choice, check_image, 
 from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
 from cvkern.color.spaces import apply_matrix
+from cvkern.filters.linear import frozen_taps, gaussian_taps
 from cvkern.kernels.codes.color import SLOTS
+from cvkern.kernels.codes.filters import Border
 
 MOST = 2**18  # pixels that estimates are made of; larger images are averaged by blocks
 GREY_SHARE, EXTREME_SHARE, WHITE_RANK = 0.01, 0.035, 99.0
 MOST_COLOUR = 1e12  # ratio of the largest part of a light to the least one
+SQUARE = frozen_taps(np.full(7, 1 / 7))
 CONTRAST = 1e-4  # least local contrast of a grey pixel, as a share of the largest value
 
 
@@ -68,8 +72,9 @@ def estimate_illuminant(
 
     Notes
     -----
-    Kernels average images of more than 2^18 pixels by blocks, and leave out what does not count.
-    The estimate itself is made on the host, of what is left.
+    Kernels average images of more than 2^18 pixels by blocks, leave out what does not count, and
+    make maps of edges and grayness of what is left, in float32. Means and ranks are taken on the
+    host.
 
     References
     ----------
@@ -106,10 +111,10 @@ def estimate_illuminant(
             raise ValueError(f"white must be above black, {black:g}, got {white:g}")
     if most <= 0:
         return np.ones(3)
-    values, valid = _gathered(rt, pixels, mask, black, 1 / most)
-    if not valid.any():
+    scene = _gathered(rt, pixels, mask, black, 1 / most)
+    if not scene.valid.any():
         return np.ones(3)
-    light = METHODS[method](values, valid)
+    light = METHODS[method](scene)
     return light / light.max()
 
 
@@ -171,14 +176,57 @@ def _peak(rt: Runtime, pixels: Any) -> float:
     return float(floats_of(np.array([key - 2**32], np.int32))[0])
 
 
-def _gathered(
-    rt: Runtime, pixels: Any, mask: Any, black: float, scale: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pixels on the host, averaged by blocks if they are many, and which count."""
+class Scene:
+    """The pixels that estimates are made of, averaged by blocks if they were many."""
+
+    def __init__(self, rt: Runtime, values: Any, valid: Any) -> None:
+        self.rt, self.values = rt, values
+        self.shape = tuple(values.shape[:2])
+        self.valid = np.array(rt.to_numpy(valid)) != 0
+        self._inner = rt.scratch("constancy.inner", self.shape, np.uint8)
+        rt.color.constancy.inner(valid, self._inner)
+        # A scene too small has no such pixels: then all that count serve.
+        inner = np.array(rt.to_numpy(self._inner)) != 0
+        if not inner.any():
+            self._inner, inner = valid, self.valid
+        self.inner = inner
+
+    @cached_property
+    def pixels(self) -> np.ndarray:
+        """(3, N) float64: the pixels that count, channel by channel."""
+        return np.array(self.rt.to_numpy(self.values))[self.valid].T.astype(np.float64)
+
+    def filtered(self, name: str, values: Any, down: np.ndarray, across: np.ndarray) -> Any:
+        """Correlate the channels (H, W, C) of values down the rows, then along the columns."""
+        height, width, channels = values.shape
+        rows = (1, height, width * channels)
+        out = self.rt.scratch(f"constancy.{name}", rows)
+        self.rt.filters.linear.correlate_separable(
+            values.reshape(rows), self.rt.constant(down), self.rt.constant(across),
+            channels, Border.REFLECT, 0.0, out,
+        )  # fmt: skip
+        return out.reshape(tuple(values.shape))
+
+    def derived(self, values: Any, name: str, down: int, across: int) -> Any:
+        """Return derivatives of these orders of a Gaussian of 1 pixel."""
+        return self.filtered(name, values, gaussian_taps(1.0, down), gaussian_taps(1.0, across))
+
+    def lively(self, means: Any, least: float) -> np.ndarray:
+        """Return the inner pixels where all channels differ from their surroundings."""
+        flat = (self.shape[0] * self.shape[1], 3)
+        down = self.derived(means, "one", 2, 0).reshape(flat)
+        across = self.derived(means, "two", 0, 2).reshape(flat)
+        good = self.rt.scratch("constancy.good", flat[:1], np.uint8)
+        among = self._inner.reshape(flat[:1])
+        self.rt.color.constancy.contrasts(down, across, among, least, good)
+        return np.array(self.rt.to_numpy(good)) != 0
+
+
+def _gathered(rt: Runtime, pixels: Any, mask: Any, black: float, scale: float) -> Scene:
     height, width = pixels.shape[:2]
     side = int(np.ceil(np.sqrt(height * width / MOST)))
     shape = max(1, height // side), max(1, width // side)
-    values = rt.scratch("constancy.values", (*shape, 3), np.float64)
+    values = rt.scratch("constancy.values", (*shape, 3))
     valid = rt.scratch("constancy.valid", shape, np.uint8)
     marked = rt.scratch("constancy.none", (0, 0), np.uint8)
     if mask is not None:
@@ -186,7 +234,7 @@ def _gathered(
         host = np.asarray(own.to_numpy(own.adopt(mask, library(mask).dtype(mask))))
         marked = rt.send("constancy.mask", (host != 0).astype(np.uint8))
     rt.color.constancy.gather(pixels, marked, black, scale, side, values, valid)
-    return np.array(rt.to_numpy(values)), np.array(rt.to_numpy(valid)) != 0
+    return Scene(rt, values, valid)
 
 
 def _unit(light: np.ndarray) -> np.ndarray:
@@ -194,46 +242,35 @@ def _unit(light: np.ndarray) -> np.ndarray:
     return light / light.sum()
 
 
-def _power(p: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    return lambda values, valid: _unit(np.mean(values[valid] ** p, axis=0) ** (1 / p))
+def _power(p: float) -> Callable[[Scene], np.ndarray]:
+    return lambda scene: _unit(np.mean(scene.pixels**p, axis=1) ** (1 / p))
 
 
-def _white_patch(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    return _unit(np.percentile(values[valid], WHITE_RANK, axis=0))
+def _white_patch(scene: Scene) -> np.ndarray:
+    return _unit(np.percentile(scene.pixels, WHITE_RANK, axis=1))
 
 
-def _inner(valid: np.ndarray) -> np.ndarray:
-    """Return the pixels whose neighbours within three pixels all count, or all that do."""
-    from scipy import ndimage
-
-    inner = ndimage.binary_erosion(valid, iterations=3)
-    return inner if inner.any() else valid
-
-
-def _edges(order: int, p: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    def estimate(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-        from scipy import ndimage
-
-        def derived(channel: np.ndarray, *orders: int) -> np.ndarray:
-            each: Any = orders  # an order for each axis
-            return ndimage.gaussian_filter(channel, 1.0, order=each)
-
-        lengths = []
-        for channel in np.moveaxis(values, 2, 0):
-            if order == 1:
-                found = derived(channel, 0, 1) ** 2 + derived(channel, 1, 0) ** 2
-            else:
-                found = derived(channel, 0, 2) ** 2 + derived(channel, 2, 0) ** 2
-                found = found + 4 * derived(channel, 1, 1) ** 2
-            lengths.append(np.sqrt(found)[_inner(valid)])
-        means = np.array([np.mean(length**p) for length in lengths]) ** (1 / p)
-        return _unit(means) if means.any() else _power(1)(values, valid)
+def _edges(order: int, p: float) -> Callable[[Scene], np.ndarray]:
+    def estimate(scene: Scene) -> np.ndarray:
+        values, rt = scene.values, scene.rt
+        flat = (values.size,)
+        orders = ((order, 0), (0, order), (1, 1))[: order + 1]
+        parts = [
+            scene.derived(values, name, *each).reshape(flat)
+            for name, each in zip(("one", "two", "three"), orders, strict=False)
+        ]
+        found = rt.scratch("constancy.lengths", flat)
+        factor = 4.0 if order == 2 else 0.0
+        rt.color.constancy.lengths(parts[0], parts[1], parts[-1], factor, found)
+        lengths = np.array(rt.to_numpy(found)).reshape(*scene.shape, 3)[scene.inner]
+        means = np.mean(lengths.T.astype(np.float64) ** p, axis=1) ** (1 / p)
+        return _unit(means) if means.any() else _power(1)(scene)
 
     return estimate
 
 
-def _bright_and_dark(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    pixels = values[valid]
+def _bright_and_dark(scene: Scene) -> np.ndarray:
+    pixels = scene.pixels.T
     mean = pixels.mean(axis=0)
     along = pixels @ (mean / np.linalg.norm(mean))
     count = max(1, int(len(pixels) * EXTREME_SHARE))
@@ -243,30 +280,38 @@ def _bright_and_dark(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
     return _unit(np.abs(axis))
 
 
-def _grayness(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    from scipy import ndimage
-
-    channels = [ndimage.uniform_filter(c, 7) for c in np.moveaxis(values, 2, 0)]
-    contrast = [np.abs(ndimage.gaussian_laplace(c, 1.0)) for c in channels]
-    good = _inner(valid) & (np.min(contrast, axis=0) > CONTRAST)
+def _grayness(scene: Scene) -> np.ndarray:
+    rt, size = scene.rt, scene.shape[0] * scene.shape[1]
+    means = scene.filtered("means", scene.values, SQUARE, SQUARE)
+    good = scene.lively(means, CONTRAST)
     if not good.any():
-        return _power(1)(values, valid)
-    lit = [np.maximum(c, 0) + 1e-10 for c in channels]
-    total = np.log(np.maximum(sum(channels), 0) + 1e-10)
-    changes = [ndimage.gaussian_laplace(np.log(c) - total, 1.0) for c in (lit[0], lit[2])]
-    grayness = ndimage.uniform_filter(np.hypot(*changes), 7)
-    grayness[~good] = np.inf
-    count = min(max(1, int(grayness.size * GREY_SHARE)), int(good.sum()))
-    chosen = np.argsort(grayness, axis=None, kind="stable")[:count]
-    return _unit(np.array([c.ravel()[chosen].mean() for c in channels]))
+        return _power(1)(scene)
+    logs = rt.scratch("constancy.logs", (size, 2))
+    rt.color.constancy.logarithms(means.reshape((size, 3)), logs)
+    pairs = logs.reshape((*scene.shape, 2))
+    down = scene.derived(pairs, "one", 2, 0).reshape((size, 2))
+    across = scene.derived(pairs, "two", 0, 2).reshape((size, 2))
+    changes = rt.scratch("constancy.changes", (size,))
+    rt.color.constancy.sizes(down, across, changes)
+    near = scene.filtered("near", changes.reshape((*scene.shape, 1)), SQUARE, SQUARE)
+    places = np.flatnonzero(good)
+    grayness = np.array(rt.to_numpy(near)).ravel()[places]
+    count = min(max(1, int(size * GREY_SHARE)), len(places))
+    # The first of equal ones count.
+    last = np.partition(grayness, count - 1)[count - 1]
+    below = np.flatnonzero(grayness < last)
+    equal = np.flatnonzero(grayness == last)[: count - len(below)]
+    chosen = places[np.concatenate([below, equal])]
+    light = np.array(rt.to_numpy(means)).reshape(size, 3)[chosen]
+    return _unit(light.astype(np.float64).mean(axis=0))
 
 
-def _consensus(values: np.ndarray, valid: np.ndarray) -> np.ndarray:
-    grey, edges = _grayness(values, valid), _edges(1, 1)(values, valid)
-    return (2 * grey + edges + _white_patch(values, valid)) / 4
+def _consensus(scene: Scene) -> np.ndarray:
+    grey, edges = _grayness(scene), _edges(1, 1)(scene)
+    return (2 * grey + edges + _white_patch(scene)) / 4
 
 
-METHODS: dict[str, Callable[[np.ndarray, np.ndarray], np.ndarray]] = {
+METHODS: dict[str, Callable[[Scene], np.ndarray]] = {
     "consensus": _consensus,
     "grey_world": _power(1),
     "white_patch": _white_patch,

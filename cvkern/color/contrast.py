@@ -16,8 +16,9 @@ from cvkern._checks import (
     check_number,
     check_pair,
 )
+from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.color import LEVELS, TONES
+from cvkern.kernels.codes.color import LEVELS, SLOTS, TONES
 
 MOST = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS - 1}
 CODES = {most: dtype for dtype, most in MOST.items()}
@@ -85,8 +86,8 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     values = rt.adopt(image, np.float32, (size,))
     out = rt.adopt(result, dtype, (size,))
     found = out if dtype.kind == "f" else rt.scratch("contrast.shares", (size,))
-    host = rt.to_numpy(values)
-    edges = _edges(host, nbins)
+    low, high, _ = extremes(rt, values)
+    edges = _edges(low, high, nbins)
     counts = rt.zeros((nbins,), np.int32)
     rt.color.contrast.count(values, rt.send("edges", edges.astype(np.float64)), counts)
     centres = ((edges[:-1] + edges[1:]) / 2).astype(np.float64)
@@ -186,11 +187,10 @@ def equalize_adapthist(
         flat, found = (rt.adopt(image, CODES[most], s) for s in ((size,), (rows, columns)))
     else:
         if not most:
-            host = rt.to_numpy(values)
-            if host.min() < 0 or host.max() > 1:
+            low, high, _ = extremes(rt, values.reshape((size * channels,)))
+            if low < 0 or high > 1:
                 raise ValueError(
-                    "image must be in 0 to 1 if it holds floats, "
-                    f"got {host.min():g} to {host.max():g}"
+                    f"image must be in 0 to 1 if it holds floats, got {low:g} to {high:g}"
                 )
         flat = rt.scratch("contrast.levels", (size,), CODES[top])
         found = flat.reshape((rows, columns))
@@ -244,17 +244,28 @@ def checked(image: Any) -> tuple[Any, int]:
     if dtype.kind != "f":
         raise ValueError(f"image must be of uint8, uint16 or floats, got {dtype}")
     rt = runtime(image)
-    if not np.isfinite(rt.to_numpy(rt.adopt(image))).all():
+    values = rt.adopt(image, np.float32, (int(np.prod(image.shape)),))
+    if not extremes(rt, values)[2]:
         raise ValueError("image must be finite in float32, got some values that are not")
     return image, 0
 
 
-def _edges(values: np.ndarray, nbins: int) -> np.ndarray:
-    """Return the edges of bins from the least to the largest value, as NumPy has them in float32.
+def extremes(rt: Runtime, values: Any) -> tuple[float, float, bool]:
+    """Return the least and the largest finite value, and whether all are finite."""
+    keys = rt.scratch("contrast.keys", (SLOTS, 3), np.int64)
+    rt.clear(keys)
+    rt.color.contrast.survey(values, keys)
+    found = np.array(rt.to_numpy(keys)).max(axis=0)
+    ends = floats_of(np.array([2**31 - found[0], found[1] - 2**31], np.int64).astype(np.int32))
+    return float(ends[0]), float(ends[1]), not found[2]
+
+
+def _edges(low: float, high: float, nbins: int) -> np.ndarray:
+    """Return the edges of bins from `low` to `high`, as NumPy has them in float32.
 
     In float64, if float32 cannot hold their span, or tell one from the next.
     """
-    ends = np.array([values.min(), values.max()], np.float32)
+    ends = np.array([low, high], np.float32)
     wide, largest = ends.astype(np.float64), float(np.abs(ends).max())
     if wide[0] == wide[1]:  # NumPy adds the half too
         wide += np.array([-1, 1]) * max(0.5, largest * 2.0**-30)

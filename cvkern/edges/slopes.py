@@ -148,15 +148,10 @@ def _smooth(rt: Runtime, src: Any, taps: np.ndarray, border: Border, cval: float
 def _covered(rt: Runtime, plane: Any, around: Surroundings) -> tuple[Any, Any]:
     """Return two arrays: the plane with 0 where it is masked, and 1 where it is not masked."""
     shape = tuple(plane.shape)
-    mask = rt.constant(_ones(shape)) if around.mask is None else rt.adopt(around.mask, bool)
+    mask = None if around.mask is None else rt.adopt(around.mask, bool)
     covered, weight = (rt.scratch(f"slopes.{name}", shape) for name in ("covered", "weight"))
     rt.edges.slopes.cover(plane, mask, covered, weight)
     return covered, weight
-
-
-@lru_cache(maxsize=4)
-def _ones(shape: tuple[int, ...]) -> np.ndarray:
-    return np.ones(shape, bool)
 
 
 def _least(dtype: np.dtype) -> float:

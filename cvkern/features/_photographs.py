@@ -12,13 +12,13 @@ from cvkern._runtime import Runtime
 
 
 def check_photograph(
-    image: Any, mask: Any, max_keypoints: int | None
+    image: Any, mask: Any, max_keypoints: int | None, name: str = "image"
 ) -> tuple[Any, Any, int | None]:
     """Check a photograph, the mask of its points, and their number."""
-    image = check_image(image, ndim=(2, 3))
+    image = check_image(image, ndim=(2, 3), name=name)
     shape = tuple(image.shape)
     if len(shape) == 3 and shape[2] not in (3, 4):
-        raise ValueError(f"image must have 3 or 4 channels, got shape {shape}")
+        raise ValueError(f"{name} must have 3 or 4 channels, got shape {shape}")
     if mask is not None:
         mask = check_image(mask, name="mask")
         if tuple(mask.shape) != shape[:2]:
@@ -43,13 +43,25 @@ def as_host(rt: Runtime, array: Any) -> np.ndarray:
     return np.asarray(rt.to_numpy(rt.adopt(array, library(array).dtype(array))))
 
 
-def prepared(rt: Runtime, image: Any, white: float) -> Any:
-    """Return the grey of an image in parts of white, as a kernel array."""
+def prepared(rt: Runtime, image: Any, white: float, gray: Any = None) -> Any:
+    """Return the grey of an image in parts of white, as a kernel array; fill `gray` if given."""
     shape = tuple(image.shape)
-    gray = rt.scratch("features.gray", shape[:2])
-    src = rt.adopt(image, shape=(shape[0], shape[1], shape[2] if len(shape) == 3 else 1))
+    if gray is None:
+        gray = rt.scratch("features.gray", shape[:2])
+    src = adopted(rt, image)
     rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
     return gray
+
+
+def adopted(rt: Runtime, image: Any) -> Any:
+    """Return a photograph (H, W) or (H, W, C) as a kernel array (H, W, C): bytes stay bytes."""
+    shape = tuple(image.shape)
+    byte = library(image).dtype(image) == np.uint8
+    return rt.adopt(
+        image,
+        np.uint8 if byte else np.float32,
+        shape=(*shape[:2], shape[2] if len(shape) == 3 else 1),
+    )
 
 
 def unmasked(points: np.ndarray, mask: np.ndarray) -> np.ndarray:

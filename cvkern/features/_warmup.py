@@ -30,7 +30,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     square = np.zeros((80, 90), np.float32)
     square[30:50, 35:60] = 1
     yield "orb", partial(orb, square)
-    yield "sift", partial(sift, blob)
+    for dtype in (np.float32, np.uint8):
+        yield "sift", partial(sift, (200 * blob).astype(dtype), data_range=200)
     numbers = np.random.default_rng(0).integers(0, 256, (20, 32)).astype(np.uint8)
     for metric in ("euclidean", "hamming"):
         yield "match_descriptors", partial(match_descriptors, numbers, numbers, metric=metric)

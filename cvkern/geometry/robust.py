@@ -32,6 +32,10 @@ MOST_SQUARE = 1e36  # squared threshold in the unit of kernels, far from the end
 COARSE = np.array([25.0, 9.0, 4.0, 2.0], np.float32)
 FINE = np.array([4.0] * 4, np.float32)  # maps: wide, as planes of photographs bend a little
 LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
+# The last threshold of essential matrices, in standard deviations of the inliers: their weights
+# then suit the noise, whatever the caller's threshold is. Their median is from HALVINGS of it.
+SPREAD, HALVINGS = 6.0, 5
+NO_STEPS = np.zeros(1, np.float32)  # no match is within this limit: models are scored alone
 # Required number of samples without outliers: noise spoils some of them.
 SPARE = 2.0
 # The search ends when a model with this many times the inliers would have been found.
@@ -101,11 +105,12 @@ class Explorer:
         scales = batch.to_unit[1, :, 0, 0]
         squares = np.minimum((options.threshold * scales) ** 2, MOST_SQUARE)
         self.squares = squares.astype(np.float32)
+        self._known = np.zeros((1, 9)) if known is None else known
         self._given = Given(
             batch.matches,
             rt.send("robust.spans", batch.spans),
             rt.send("robust.squares", self.squares),
-            rt.send("robust.known", np.zeros((1, 9)) if known is None else known),
+            rt.send("robust.known", self._known),
         )
 
     def explore(
@@ -168,6 +173,11 @@ class Explorer:
         models, cost, support = self._refined(
             model, chosen, everyone, FINE if model <= Model.HOMOGRAPHY else LAST
         )
+        if model == Model.ESSENTIAL:
+            squares = self.squares * self._spread(model, models, support) ** 2
+            narrow = rt.send("robust.narrow", squares.astype(np.float32))
+            self._refined(model, chosen, everyone, LAST, self._given._replace(squares=narrow))
+            models, cost, support = self._refined(model, chosen, everyone, NO_STEPS)
         none = ~self.significant(model, support[:, 0], found.trials)
         inliers = rt.scratch("robust.inliers", (self.batch.matches.shape[1],), np.uint8)
         last = rt.send("robust.last", np.ascontiguousarray(models[:, 0]))
@@ -191,14 +201,43 @@ class Explorer:
         chance = np.divide(near, area, out=np.ones_like(area), where=area > near)
         return _significant(supports, self.counts, trials, chance, model)
 
+    def _spread(self, model: Model, models: np.ndarray, support: np.ndarray) -> np.ndarray:
+        """Return `SPREAD` deviations of the inliers of each pair, at most 1, the threshold.
+
+        The median of their distances is interpolated between counts within halves of it.
+        """
+        rt, number = self.rt, len(self.counts)
+        share = 0.5 ** np.arange(1, HALVINGS + 1)
+        chosen = rt.scratch("robust.halved", (HALVINGS * number, 1, 9), np.float64)
+        rt.write(chosen, np.tile(models, (HALVINGS, 1, 1)))
+        squares = (share[:, None] ** 2 * self.squares).astype(np.float32).ravel()
+        given = self._given._replace(
+            spans=rt.send("robust.halved_spans", np.tile(self.batch.spans, (HALVINGS, 1))),
+            squares=rt.send("robust.halved_squares", squares),
+            known=rt.send("robust.halved_known", np.tile(self._known, (HALVINGS, 1))),
+        )
+        everyone = np.arange(len(squares), dtype=np.int32)
+        _, _, within = self._refined(model, chosen, everyone, NO_STEPS, given)
+        counts = np.concatenate((support[:, 0], within[:, 0])).reshape(-1, number)
+        half = counts[0] / 2
+        last = np.clip((counts >= half).sum(axis=0), 1, HALVINGS)  # the first count below a half
+        many, few = (np.take_along_axis(counts, last[None] - k, 0)[0] for k in (1, 0))
+        median = share[last - 1] * (1 + np.clip((half - few) / np.maximum(many - few, 1), 0, 1))
+        return np.minimum(SPREAD * 1.4826 * median, 1)
+
     def _refined(
-        self, model: Model, chosen: Any, pairs: np.ndarray, schedule: np.ndarray
+        self,
+        model: Model,
+        chosen: Any,
+        pairs: np.ndarray,
+        schedule: np.ndarray,
+        given: Given | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         rt = self.rt
         scores = rt.scratch("robust.scores", (*chosen.shape[:2], 2), np.int32)
         to = rt.send("robust.refined_pairs", pairs)
         steps = rt.constant(schedule)
-        rt.geometry.robust.refine(self._given, to, int(model), steps, chosen, scores)
+        rt.geometry.robust.refine(given or self._given, to, int(model), steps, chosen, scores)
         told = rt.to_numpy(scores)
         return rt.to_numpy(chosen), told[..., 0], told[..., 1]
 

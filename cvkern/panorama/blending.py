@@ -160,21 +160,21 @@ class _Tile:
         right = min(self.width, -(-(bounds[3] + 1 + reach) // unit) * unit)
         height, width = bottom - top, right - left
         sizes = [(height >> level, width >> level) for level in range(bands + 1)]
-        values = [rt.scratch(f"panorama.band{k}", (channels, *s)) for k, s in enumerate(sizes)]
-        masks = [rt.scratch(f"panorama.mask{k}", (1, *s)) for k, s in enumerate(sizes)]
+        # The mask is the plane behind the colours: both are halved together.
+        planes = [rt.scratch(f"panorama.band{k}", (channels + 1, *s)) for k, s in enumerate(sizes)]
+        values, mask = planes[0][:channels], planes[0][channels]
         kernels = rt.panorama.blending
         # The weights are not needed here: the mask overwrites them.
         draw(
             rt, self.given.images[name], self.cameras[name : name + 1], self.gains[name],
-            self.columns[left:right], self.rows[top:bottom], values[0], masks[0][0],
+            self.columns[left:right], self.rows[top:bottom], values, mask,
         )  # fmt: skip
-        rt.panorama.warping.mark(self.labels, name, top, left, masks[0][0])
+        rt.panorama.warping.mark(self.labels, name, top, left, mask)
         for level in range(bands + 1):
             last = level == bands
             if not last:
-                kernels.reduce(values[level], values[level + 1])
-                kernels.reduce(masks[level], masks[level + 1])
+                kernels.reduce(planes[level], planes[level + 1])
             kernels.add_band(
-                values[level], values[min(level + 1, bands)], int(last), masks[level][0],
-                top >> level, left >> level, totals[level], sums[level],
+                planes[level], planes[min(level + 1, bands)], int(last), top >> level,
+                left >> level, totals[level], sums[level],
             )  # fmt: skip

@@ -17,7 +17,7 @@ MARGIN = 0.5  # an image is a seed where its weight exceeds all others by this
 GAIN_SPREAD = 3.0  # standard deviation of the logarithms of gains
 NOISE = 0.04  # standard deviation of the mean colours of an overlap, in parts of white
 DARK, BRIGHT = 0.02, 0.98  # parts of white: only values between these measure the exposure
-GAIN_SAMPLES = 4000  # pixels of an overlap that are compared
+GAIN_SAMPLES = 4000  # about as many pixels of an overlap are compared
 LEAST_SAMPLES = 20
 DENSITY = 2  # step between the rows and columns in which new white pixels are counted
 WHITEST = 0.98  # share of the pixels that are not white before the gains and must not be after them
@@ -77,6 +77,10 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     gains = np.ones((count, channels), np.float32)
     if compensate and count > 1:
         gains = find_gains(rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white)
+    gray = np.array([len(i.shape) == 2 or i.shape[2] == 1 for i in sources.images])
+    if channels > 1 and gray.any() and not gray.all():
+        gains[gray] = np.exp(np.log(gains[gray]).mean(axis=1, keepdims=True))
+        rt.write(weights, _behind(np.array(rt.to_numpy(weights)), gray, coarse))
     shape = coarse.height, coarse.width
     costs = rt.scratch("panorama.costs", shape, np.int32)
     most, second = (rt.scratch(f"panorama.{name}", shape) for name in ("most", "second"))
@@ -96,6 +100,21 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     labels = rt.scratch("panorama.labels", shape, np.int32)
     kernels.choose(distances, weights, rects, labels)
     return Seams(labels, gains, coarse)
+
+
+def _behind(weights: np.ndarray, gray: np.ndarray, coarse: Canvas) -> np.ndarray:
+    """Return weights that are 0 where a grey image lies on one with colours: it stays behind."""
+    seen = np.zeros((coarse.height, coarse.width), bool)
+    for last in (False, True):
+        for n in np.flatnonzero(gray == last):
+            left, top, right, bottom = coarse.rects[n]
+            columns, rows = np.arange(left, right) % coarse.width, np.arange(top, bottom)
+            part = weights[n, : len(rows), : len(columns)]
+            if last:
+                part[seen[np.ix_(rows, columns)]] = 0
+            else:
+                seen[np.ix_(rows, columns)] |= part > 0
+    return weights
 
 
 def find_gains(values: np.ndarray, weights: np.ndarray, coarse: Canvas, white: float) -> np.ndarray:
@@ -164,16 +183,18 @@ def _overlap(
     """
     one, other = coarse.rects[i], coarse.rects[j] + (shift, 0, shift, 0)
     low, high = np.maximum(one[:2], other[:2]), np.minimum(one[2:], other[2:])
-    step = max(1, int(math.sqrt((high - low).prod() / GAIN_SAMPLES)))
+    step = max(1, round(math.sqrt((high - low).prod() / GAIN_SAMPLES)))
     cuts = []
     for rect in (one, other):
         x, y = low - rect[:2]
         w, h = high - low
         cuts.append((slice(y, y + h, step), slice(x, x + w, step)))
-    a, b = (values[n][:, cut[0], cut[1]] / white for n, cut in ((i, cuts[0]), (j, cuts[1])))
     there = (weights[i][cuts[0]] > 0) & (weights[j][cuts[1]] > 0)
-    fair = there & (np.minimum(a, b) > DARK).all(axis=0) & (np.maximum(a, b) < BRIGHT).all(axis=0)
+    a, b = (values[n][:, cut[0], cut[1]][:, there] for n, cut in ((i, cuts[0]), (j, cuts[1])))
+    fair = (np.minimum(a, b).min(axis=0, initial=white) > DARK * white) & (
+        np.maximum(a, b).max(axis=0, initial=0) < BRIGHT * white
+    )
     if fair.sum() < LEAST_SAMPLES:
         return None
-    number = int(there.sum()) * step * step
-    return a[:, fair].mean(axis=1), b[:, fair].mean(axis=1), number
+    number = a.shape[1] * step * step
+    return a[:, fair].mean(axis=1) / white, b[:, fair].mean(axis=1) / white, number

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from os import cpu_count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -231,13 +233,23 @@ def _check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
 def _planned(heap: Heap, focals: np.ndarray | None, options: Options, say: Progress) -> list[Plan]:
     """Align every panorama of the heap, and refuse those that are too large."""
     links = link_images(heap, say)
-    pairs = [(link.first, link.second) for link in links]
-    plans = []
-    for members in connected(len(heap.images), pairs):
-        if len(members) < 2:
-            continue
-        mine = [link for link in links if link.first in members]
-        plans.append(_plan(heap, members, mine, focals, options))
+    groups = connected(len(heap.images), [(link.first, link.second) for link in links])
+    groups = [members for members in groups if len(members) > 1]
+
+    def plan(members: list[int]) -> Plan:
+        own = [link for link in links if link.first in members]
+        return _plan(heap, members, own, focals, options)
+
+    # NumPy's work on one panorama leaves processors idle.
+    with ThreadPoolExecutor(max(1, min(len(groups), cpu_count() or 1))) as pool:
+        plans = list(pool.map(plan, groups))
+    for made in plans:
+        if made.alignment.model.endswith("tree"):
+            names = ", ".join(map(str, made.members))
+            warnings.warn(
+                f"images {names} could not be adjusted together, and are joined pair by pair",
+                stacklevel=3,
+            )
     return plans
 
 
@@ -249,12 +261,6 @@ def _plan(
     sides = np.array([heap.images[i].shape[1::-1] for i in members])
     given = None if focals is None or np.isnan(focals[members]).all() else focals[members]
     alignment = align(inner, sides, heap.factors[members], given)
-    if alignment.model.endswith("tree"):
-        names = ", ".join(map(str, members))
-        warnings.warn(
-            f"images {names} could not be adjusted together, and are joined pair by pair",
-            stacklevel=4,
-        )
     canvas = lay_out(alignment, sides, options.surface, options.scale)
     size = canvas.width * canvas.height
     if size > options.max_pixels:

@@ -1,6 +1,5 @@
 """Radiance fields: from posed photographs to a model that renders new views."""
 
-from cvkern.radiance.appearance import fit_appearance
 from cvkern.radiance.compositing import (
     Composite,
     CompositeGradient,
@@ -23,7 +22,8 @@ from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
 from cvkern.radiance.scenes.solids import make_scene
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
-from cvkern.radiance.transient import Transient, render_transient
+from cvkern.radiance.wild.appearance import fit_appearance
+from cvkern.radiance.wild.transient import Transient, render_transient
 
 __all__ = [
     "Bounds",

@@ -139,7 +139,7 @@ class SampledField(Field):
             rt.zeros((room,)), rt.zeros((room, 3)), self.inner(room),
         )  # fmt: skip
 
-    def see(self, origins: Any, directions: Any, seen: View) -> None:
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
         """See :meth:`Field.see`."""
         count = origins.shape[0]
         room = self.view_room(count)

@@ -12,7 +12,6 @@ from cvkern._checks import check_choice, check_code, check_integer, check_positi
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.radiance import LIGHT, Background
 from cvkern.radiance import checkpoints
-from cvkern.radiance.distractors import DISTRACTORS, patches_of
 from cvkern.radiance.fields.field import Field, Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
@@ -21,6 +20,7 @@ from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.march import taken
 from cvkern.radiance.pinhole import Cameras, cameras
 from cvkern.radiance.scenes.photographs import Bounds
+from cvkern.radiance.wild.distractors import DISTRACTORS, patches_of
 
 __all__ = ["Mark", "Model", "load_model"]
 

@@ -19,17 +19,17 @@ from cvkern._checks import (
 )
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT, CameraSet, Lights
-from cvkern.radiance.embeddings import light_of
 from cvkern.radiance.fields.field import Field, Frame, View
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import MOST_SIDE, Cameras, cameras, look_at
 from cvkern.radiance.scenes.photographs import Scene, focus_of
+from cvkern.radiance.wild.embeddings import light_of
 
 __all__ = ["Picture", "Scores", "evaluate", "orbit_cameras", "render", "render_path"]
 
 SOLID = 0.5  # smallest opacity of a ray that has a depth
-RAYS = 2**20  # most rays rendered at a time, which bounds the memory
+RAYS = 2**20  # most rays rendered at a time, in whole rows, which bounds the memory
 
 
 class Picture(NamedTuple):
@@ -123,31 +123,37 @@ class Renderer:
         pictures = [rt.empty((cameras.height, width, *tail)) for tail in ((3,), (), ())]
         flat = (count, 3), (count,), (count,)
         seen = View(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
-        for begin in range(0, count, RAYS):
-            part = slice(begin, min(begin + RAYS, count))
+        most = max(RAYS // width, 1) * width
+        for begin in range(0, count, most):
+            part = slice(begin, min(begin + most, count))
             shape = part.stop - begin, 3
             origins, directions = (rt.scratch(f"view.{n}", shape) for n in ("from", "towards"))
             rt.radiance.pinhole.view_rays(lens, 0, begin, origins, directions)
-            self.look(origins, directions, View(*(a[part] for a in seen)), light)
+            self.look(origins, directions, View(*(a[part] for a in seen)), light, width)
         red, green, blue = map(float, behind)
         rt.radiance.rendering.finish(red, green, blue, frame.bounds.half, SOLID, *seen)
         return Picture(*(rt.release(p) for p in pictures))
 
     def look(
-        self, origins: Any, directions: Any, seen: View, light: np.ndarray | None = None
+        self,
+        origins: Any,
+        directions: Any,
+        seen: View,
+        light: np.ndarray | None = None,
+        row: int = 0,
     ) -> None:
         """Fill `seen` for rays, as :meth:`Field.see` does, in a light of :func:`light_of`."""
         rt, count = self.rt, origins.shape[0]
         if light is None:
-            self.field.see(origins, directions, seen)
+            self.field.see(origins, directions, seen, row)
             return
         views, table = rt.scratch("view.light", (count,), np.int32), rt.send("view.table", light)
         rt.clear(views)
         if light.shape[1] == LIGHT:
             self.field.light(Lights(table, views))
-        self.field.see(origins, directions, seen)
+        self.field.see(origins, directions, seen, row)
         if light.shape[1] != LIGHT:
-            rt.radiance.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
+            rt.radiance.wild.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
 
 
 def render_path(

@@ -18,11 +18,11 @@ from cvkern._checks import (
 )
 from cvkern._files import as_path, replacing
 from cvkern.radiance._glb import glb
-from cvkern.radiance.embeddings import light_of
 from cvkern.radiance.fields.field import View
 from cvkern.radiance.models import Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays, project
 from cvkern.radiance.rendering import RAYS, Renderer
+from cvkern.radiance.wild.embeddings import light_of
 
 __all__ = ["Cloud", "Mesh", "mesh", "point_cloud", "write_mesh"]
 

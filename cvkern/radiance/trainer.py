@@ -13,10 +13,7 @@ import numpy as np
 
 from cvkern._checks import check_code
 from cvkern.kernels.codes.radiance import AdamRule, Background, Comparison, Composited, Rays
-from cvkern.radiance.appearance import Appearance
 from cvkern.radiance.devices import adder
-from cvkern.radiance.distractors import DISTRACTORS, Distractors
-from cvkern.radiance.embeddings import Embedding
 from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
@@ -24,7 +21,10 @@ from cvkern.radiance.logs import Look, Watch
 from cvkern.radiance.models import APPEARANCE, TRANSIENT, Mark, Model
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
-from cvkern.radiance.transient import Passing
+from cvkern.radiance.wild.appearance import Appearance
+from cvkern.radiance.wild.distractors import DISTRACTORS, Distractors
+from cvkern.radiance.wild.embeddings import Embedding
+from cvkern.radiance.wild.transient import Passing
 
 LOOK = 16  # steps between checks of the device by the host
 CLOCK = 0.005  # change of the progress (a share of the time) after which the device gets an update

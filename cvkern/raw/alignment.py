@@ -12,7 +12,7 @@ from cvkern._arrays import library
 from cvkern._checks import check_integer
 from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
-from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
+from cvkern.kernels.codes.raw import GREYS, MOVES, PARTS
 from cvkern.raw.demosaicing import CARRIED
 from cvkern.raw.exposures import stacked
 
@@ -85,11 +85,8 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
         grey.append(rt.scratch(f"align.level{n + 1}", (shape[0], *sides), np.int32))
         rt.raw.alignment.halve(grey[n], grey[n + 1])
     sides, medians = zip(*(_split(rt, n, level) for n, level in enumerate(grey)), strict=True)
-    fixed = _middle(low + medians[0] / units, 2 / float(units.min()))
-    shifts = np.zeros((shape[0], 2), np.int64)
-    for k in range(shape[0]):
-        if k != fixed:
-            shifts[k] = _shift(rt, sides, k, fixed)
+    fixed = _middle(low + np.array(rt.to_numpy(medians[0])) / units, 2 / float(units.min()))
+    shifts = _shifts(rt, sides, fixed)
     if library(images).writable:
         return Alignment(_moved(images, shifts), shifts)
     host = np.asarray(rt.to_numpy(rt.adopt(images, library(images).dtype(images))))
@@ -124,35 +121,32 @@ def _middle(values: np.ndarray, apart: float) -> int:
     return int(np.argsort(ranks, kind="stable")[len(values) // 2])
 
 
-def _split(rt: Runtime, n: int, levels: Any) -> tuple[Any, np.ndarray]:
-    """Return on which side of its image's median each pixel is, and these lower medians."""
+def _split(rt: Runtime, n: int, levels: Any) -> tuple[Any, Any]:
+    """Return on which side of its image's lower median each pixel is, and these medians."""
     shape = levels.shape
     flat = levels.reshape((shape[0], shape[1] * shape[2]))
     counts = rt.scratch("align.counts", (shape[0], GREYS), np.int32)
     rt.clear(counts)
     rt.raw.alignment.count(flat, counts)
-    sums = np.cumsum(rt.to_numpy(counts), axis=1, dtype=np.int64)
-    medians = np.argmax(2 * sums >= sums[:, -1:], axis=1).astype(np.int32)
+    medians = rt.scratch(f"align.medians{n}", (shape[0],), np.int32)
+    rt.raw.alignment.medians(counts, medians)
     sides = rt.scratch(f"align.sides{n}", tuple(flat.shape), np.uint8)
-    rt.raw.alignment.split(flat, rt.send("align.medians", medians), NOISE, sides)
+    rt.raw.alignment.split(flat, medians, NOISE, sides)
     return sides.reshape(shape), medians
 
 
-def _shift(rt: Runtime, sides: Sequence[Any], k: int, fixed: int) -> tuple[int, int]:
-    """Return the rows and columns by which image k is moved to lie above the fixed one."""
-    dy = dx = 0
-    sums = rt.scratch("align.sums", (SLOTS, len(MOVES)), np.int32)
+def _shifts(rt: Runtime, sides: Sequence[Any], fixed: int) -> np.ndarray:
+    """Return the rows and columns by which each image is moved to lie above the fixed one."""
+    count = sides[0].shape[0]
+    shifts = rt.scratch("align.shifts", (count, 2), np.int32)
+    sums = rt.scratch("align.sums", (count, PARTS, len(MOVES)), np.int32)
+    rt.clear(shifts)
     for level in sides[::-1]:
-        dy, dx = 2 * dy, 2 * dx
         rt.clear(sums)
-        rt.raw.alignment.compare(level, k, fixed, dy, dx, sums)
-        off = rt.to_numpy(sums).sum(axis=0, dtype=np.int64)
+        rt.raw.alignment.compare(level, fixed, shifts, sums)
         _, height, width = level.shape
-        sizes = [max(height - abs(dy + y), 0) * max(width - abs(dx + x), 0) for y, x in MOVES]
-        shares = [n / size if size else math.inf for n, size in zip(off, sizes, strict=True)]
-        y, x = MOVES[int(np.argmin(shares))]
-        dy, dx = dy + y, dx + x
-    return dy, dx
+        rt.raw.alignment.choose(sums, height, width, shifts)
+    return np.array(rt.to_numpy(shifts)).astype(np.int64)
 
 
 def _moved(images: Any, shifts: np.ndarray) -> Any:

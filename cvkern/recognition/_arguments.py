@@ -89,9 +89,11 @@ def check_masks(masks: Sequence[Any], pictures: list[np.ndarray]) -> list[np.nda
     return found
 
 
-def check_scales(scales: Sequence[float] | None) -> tuple[float, ...]:
-    """Return sizes of objects, ascending."""
-    given = as_items(SCALES if scales is None else scales, "scales", "a sequence of numbers")
+def check_scales(scales: Sequence[float] | None, usual: float) -> tuple[float, ...]:
+    """Return sizes of objects, ascending; by default `SCALES` times the usual one."""
+    if scales is None:
+        scales = [min(max(usual * s, LEAST_SCALE), MOST_SCALE) for s in SCALES]
+    given = as_items(scales, "scales", "a sequence of numbers")
     check_integer(len(given), "the number of scales", 1, MOST_SCALES)
     sizes = sorted({check_positive(scale, "scales") for scale in given})
     if not LEAST_SCALE <= sizes[0] <= sizes[-1] <= MOST_SCALE:

@@ -28,6 +28,7 @@ def write(path: str | os.PathLike[str], settings: Settings, fitted: Fitted) -> N
         "settings": {**settings._asdict(), "sampling": settings.sampling._asdict()},
         "bias": fitted.bias,
         "threshold": fitted.threshold,
+        "usual": fitted.usual,
     }
     _archives.write(path, KIND, header, {name: getattr(fitted, name) for name in ARRAYS})
 
@@ -44,9 +45,12 @@ def read(path: str | os.PathLike[str]) -> tuple[Settings, Fitted]:
                 raise ValueError(f"{name} must be {np.dtype(dtype)}, got {loaded[name].dtype}")
         _check_values(loaded)
         bias, threshold = int(header["bias"]), float(header["threshold"])
-        if abs(bias) >= 2**30 or not math.isfinite(threshold):
-            raise ValueError(f"bias and threshold must be in range, got {bias}, {threshold}")
-    return settings, Fitted(**loaded, bias=bias, threshold=threshold)
+        usual = float(header.get("usual", 1.0))  # the first files had none
+        if abs(bias) >= 2**30 or not math.isfinite(threshold) or not 0 < usual < math.inf:
+            raise ValueError(
+                f"bias and threshold must be in range, got {bias}, {threshold}, {usual}"
+            )
+    return settings, Fitted(**loaded, bias=bias, threshold=threshold, usual=usual)
 
 
 def _settings(given: Any) -> Settings:

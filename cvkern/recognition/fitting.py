@@ -12,6 +12,7 @@ from cvkern.kernels.codes.recognition import FINE, NOBODY, OCTAVE, Frame, Patche
 from cvkern.recognition._kept import kept
 from cvkern.recognition.codebook import cluster
 from cvkern.recognition.hypotheses import Judge, climb, weigh
+from cvkern.recognition.modes import distinct
 from cvkern.recognition.training import (
     DOUBTFUL,
     HARDEST,
@@ -36,7 +37,7 @@ from cvkern.recognition.training import (
     surprise,
     window_at,
 )
-from cvkern.recognition.votes import distinct, layout
+from cvkern.recognition.votes import layout
 
 SHEET = 2.5  # least sides of a negative, in sides of the object's box; smaller ones are mirrored
 MOST_PASTED = 100  # negatives that objects are put into
@@ -65,6 +66,8 @@ class Fitted(NamedTuple):
     """Evidence of an empty frame."""
     threshold: float
     """Least score of what is found by default."""
+    usual: float = 1.0
+    """Size of the median object that was learnt, in sizes of the model."""
 
 
 def fit(

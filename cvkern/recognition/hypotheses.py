@@ -1,4 +1,4 @@
-"""Verification of hypotheses: evidence of patches, and which objects explain it best."""
+"""Verification of hypotheses by the evidence of patches."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, Frame, Patches, Space
+from cvkern.kernels.codes.recognition import Frame, Patches, Space
 
 STEPS = (4, 2)  # pixels of the model that a mode climbs by
 
@@ -50,25 +50,6 @@ def climb(judge: Judge, modes: Any, evidence: Any, least: int) -> tuple[Any, Any
         rt.recognition.hypotheses.climb_modes(
             *judge[1:], step, least, modes, evidence, moved, found
         )
-        rt.recognition.votes.single_modes(moved, nowhere, 0, single)
+        rt.recognition.modes.single_modes(moved, nowhere, 0, single)
         modes, evidence = single, found
     return modes, evidence
-
-
-def explain(judge: Judge, modes: Any, evidence: Any, starts: Any, least: int, found: Any) -> None:
-    """Choose hypotheses by minimum description length.
-
-    Each hypothesis saves its evidence. A patch is explained once: a hypothesis loses the evidence
-    of the patches in the boxes of those that are chosen before. The one with most remaining
-    evidence is chosen next, while it has at least `least`; the first wins a tie. `found`
-    (MOST_HYPOTHESES + 1, 4) has their number and the last of `starts` in its first row.
-    """
-    rt = judge.rt
-    most = MOST_HYPOTHESES
-    ranked = rt.scratch("recognition.ranked", (most, 4), np.int32)
-    savings = rt.scratch("recognition.savings", (most,), np.int32)
-    shared = rt.scratch("recognition.shared", (most, most), np.int32)
-    kernels = rt.recognition.hypotheses
-    kernels.rank_modes(modes, evidence, least, ranked, savings)
-    kernels.weigh_overlaps(*judge[1:], ranked, shared)
-    kernels.explain_modes(ranked, savings, shared, starts, least, found)

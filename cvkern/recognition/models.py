@@ -189,7 +189,7 @@ class ShapeModel:
         spans = check_boxes(boxes, pictures)
         figures = None if masks is None else check_masks(masks, pictures)
         others = grays_of(() if negatives is None else negatives, "negatives", data_range)
-        height, width = self._model_box([box for found in spans for box in found])
+        height, width, zoom = self._model_box([box for found in spans for box in found])
         layers = self._layers or (2 if min(height, width) // 2 >= self._sampling.side else 1)
         least = min(height, width) >> (layers - 1)
         if least < self._sampling.side:
@@ -206,17 +206,18 @@ class ShapeModel:
         if self._mirror:
             objects = np.concatenate([objects, objects[:, :, ::-1]])
             shown = None if shown is None else np.concatenate([shown, shown[:, :, ::-1]])
-        self._fitted = fit(runtime(), objects, shown, others, settings)
+        learnt = fit(runtime(), objects, shown, others, settings)
+        self._fitted = learnt._replace(usual=1 / zoom)
         self._settings = settings
         return self
 
-    def _model_box(self, boxes: list[Box]) -> tuple[int, int]:
-        """Return height and width of the model's box: those of the median, or of the asked size."""
+    def _model_box(self, boxes: list[Box]) -> tuple[int, int, float]:
+        """Return height and width of the model's box, and its size over that of the median box."""
         sides = np.array([(b[2] - b[0], b[3] - b[1]) for b in boxes], np.float64)
         height, width = np.median(sides, axis=0)
         longer = self._size or min(max(height, width), LONGEST)
         zoom = longer / max(height, width)
-        return max(round(height * zoom), 1), max(round(width * zoom), 1)
+        return max(round(height * zoom), 1), max(round(width * zoom), 1), zoom
 
     def detect(
         self,
@@ -234,7 +235,8 @@ class ShapeModel:
             Any real dtype.
         scales : sequence of float, optional
             Sizes of objects to look for, in sizes of the model. By default 0.71, 0.84, 1, 1.19 and
-            1.41.
+            1.41 times the median object of the training, which has scale 1 unless `size` or the
+            limit of 96 pixels made the model another size.
         threshold : float, optional
             Least score; by default that of the model.
         data_range : float, optional
@@ -318,7 +320,7 @@ class ShapeModel:
         TypeError, ValueError
             As in :meth:`detect`.
         """
-        return votes_of(search(image, scales, None, data_range, *self._ready()), scales)
+        return votes_of(search(image, scales, None, data_range, *self._ready()))
 
     @property
     def words(self) -> np.ndarray | None:

@@ -14,12 +14,14 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.recognition import MOST_HYPOTHESES, UNIT, Occurrences
 from cvkern.recognition._arguments import check_picture, check_scales
 from cvkern.recognition._kept import kept
+from cvkern.recognition.choices import explain
 from cvkern.recognition.figures import PAINTED, Painter
 from cvkern.recognition.fitting import Fitted, frame_on
-from cvkern.recognition.hypotheses import Judge, climb, explain, weigh
+from cvkern.recognition.hypotheses import Judge, climb, weigh
+from cvkern.recognition.modes import find_modes
 from cvkern.recognition.patches import Places, cut, fill, find_places, prepare, pyramid_of, sent
 from cvkern.recognition.training import Settings
-from cvkern.recognition.votes import Hall, activate, find_modes, hall_on, layout
+from cvkern.recognition.votes import Hall, activate, hall_on, layout
 
 HOPE = 6  # evidence below the threshold from which on a mode climbs
 ROOM = 2**20  # votes that a GPU has room for, at first
@@ -32,6 +34,7 @@ class Found(NamedTuple):
 
     rt: Runtime
     shape: tuple[int, int]
+    scales: tuple[float, ...]
     hall: Hall
     sums: Any
     """Sum of the weights of votes in each cell, (C,) int32, for kernels."""
@@ -54,7 +57,7 @@ def search(
 ) -> Found:
     """Return what is found in a picture; figures are painted if asked for."""
     image, white = check_picture(image, "image", data_range)
-    sizes = check_scales(scales)
+    sizes = check_scales(scales, fitted.usual)
     least = fitted.threshold if threshold is None else check_number(threshold, "threshold")
     floor = int(np.ceil(np.clip(least * UNIT, -(2**30), 2**30))) - fitted.bias
     rt = runtime(image)
@@ -72,7 +75,7 @@ def search(
         balance = rt.scratch("recognition.balance", (PAINTED, *sides), np.int32)
     if not len(places.places):
         rt.clear(sums)
-        return Found(rt, shape, hall, sums, 0, modes, None)
+        return Found(rt, shape, sizes, hall, sums, 0, modes, None)
     corners, *there = (
         sent(rt, name, array, sampling) for name, array in zip(Places._fields, places, strict=True)
     )
@@ -112,7 +115,7 @@ def search(
         if rt.device == "cpu" or votes <= room:
             break
         room = _rooms[rt.device] = 1 << (votes - 1).bit_length()
-    return Found(rt, shape, hall, sums, number, modes, painters[0] if painters else None)
+    return Found(rt, shape, sizes, hall, sums, number, modes, painters[0] if painters else None)
 
 
 def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:
@@ -121,9 +124,9 @@ def cells_of(shape: tuple[int, int], sizes: tuple[float, ...]) -> int:
     return int(bins[-1, 0] + bins[-1, 1] * bins[-1, 2])
 
 
-def votes_of(found: Found, scales: Any) -> list[np.ndarray]:
+def votes_of(found: Found) -> list[np.ndarray]:
     """Return the sums of the cells of each scale, on the host."""
-    bins = layout(found.shape, check_scales(scales))[0].bins.tolist()
+    bins = layout(found.shape, found.scales)[0].bins.tolist()
     sums = np.array(found.rt.to_numpy(found.sums))
     return [
         sums[first : first + rows * columns].reshape(rows, columns)

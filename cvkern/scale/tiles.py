@@ -1,4 +1,10 @@
-"""Functions over tiles of an image that need not fit into memory."""
+"""Functions over tiles of an image that need not fit into memory.
+
+A tile is computed from a window, which has a halo of as many pixels as the function looks around a
+pixel (`halos`). So the parts of the result that lie inside are those of the whole image, and tiles
+may be computed in any order, on threads or by Dask. Canny's hysteresis looks arbitrarily far; its
+edges are joined across the seams afterwards (`edges`).
+"""
 
 from __future__ import annotations
 

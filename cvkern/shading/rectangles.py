@@ -77,15 +77,15 @@ def _eigenvalues(count: int) -> np.ndarray:
 
 
 def factors(count: int) -> list[int]:
-    """Return factors of a number: 8 as often as possible, then 4 or 2, then odd primes."""
-    found, factor = [], 8
+    """Return factors of a number: 16 as often as possible, then 8, 4 or 2, then odd primes."""
+    found, factor = [], 16
     # A factor is at most the number that is left, so the loop ends below `count` rounds.
     while count > 1:
         if count % factor == 0:
             found.append(factor)
             count //= factor
         else:
-            factor = {8: 4, 4: 2, 2: 3}.get(factor, factor + 2)
+            factor = {16: 8, 8: 4, 4: 2, 2: 3}.get(factor, factor + 2)
     return found
 
 

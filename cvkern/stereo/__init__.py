@@ -8,7 +8,7 @@ from cvkern.stereo.depth import (
     points_from_disparity,
     reprojection_matrix,
 )
-from cvkern.stereo.matching import DepthFrame, StereoMatcher, StereoResult, stereo_match
+from cvkern.stereo.matching import StereoResult, stereo_match
 from cvkern.stereo.paths import aggregate_semi_global
 from cvkern.stereo.reconstruction import PairReconstruction, reconstruct_pair
 from cvkern.stereo.refinement import (
@@ -17,6 +17,7 @@ from cvkern.stereo.refinement import (
     left_right_check,
     remove_speckles,
 )
+from cvkern.stereo.videos import DepthFrame, StereoMatcher
 from cvkern.stereo.winners import Winner, winner_take_all
 
 __all__ = [

@@ -1,4 +1,7 @@
-"""Link public names: ``gaussian`` or ``cvkern.gaussian`` in code type leads to the reference."""
+"""Link public names: ``gaussian`` or ``cvkern.gaussian`` in code type leads to the reference.
+
+Paths in tables may be broken after a slash.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ def _target(app: Any, docname: str, text: str) -> tuple[str, str] | None:
     name = re.sub(r"\(\)$", "", text)
     family = docname.rpartition("/")[2]
     tried = [name, f"cvkern.{name}"]
-    if family in ("images", "clouds", "radiance"):
+    if family in ("images", "clouds", "radiance", "scale"):
         tried.insert(0, f"cvkern.{family}.{name}")
     for full in tried:
         if full.startswith("cvkern.") and full in objects:
@@ -22,10 +25,23 @@ def _target(app: Any, docname: str, text: str) -> tuple[str, str] | None:
     return None
 
 
+BREAK = "\u200b"  # a space without width
+
+
+def _let_paths_break(doctree: nodes.document) -> None:
+    for table in doctree.findall(nodes.table):
+        for literal in table.findall(nodes.literal):
+            text = literal.astext()
+            if re.fullmatch(r"[\w./]+/[\w.]*", text):
+                literal.children = [nodes.Text(text.replace("/", "/" + BREAK))]
+
+
 def _link(app: Any, doctree: nodes.document, docname: str) -> None:
     if docname.startswith("coming_from/"):
         for table in doctree.findall(nodes.table):
             table["classes"].append("calls")  # two columns of code: the style sheet has room for it
+    else:
+        _let_paths_break(doctree)
     for literal in list(doctree.findall(nodes.literal)):
         if isinstance(literal.parent, nodes.reference):
             continue

@@ -23,6 +23,10 @@ NORMAL_ONE = 1 << 14
 FINE_ONE = 1 << 10
 ARCS = 64  # arcs of a circle, counted separately: eight per octant, of equal steps of the slope
 STEPS = 1 << 16  # units of a pixel in steps along a line from pixel to pixel
+FARTHEST = 2.0**17  # pixels: no place along a line is farther from its origin
+PLACES = 2.0**14  # steps of a pixel by which points along a line are sorted
+DENSITY = 0.6  # least points per pixel of a segment; a thin edge has 0.7 to 1
+PARTIAL = 32  # sums of a run of points that are added side by side, then to one another
 MAX_BINS = 8192  # bins of the minor axis of an ellipse that fit into a block's shared memory
 
 

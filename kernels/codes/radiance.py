@@ -203,6 +203,26 @@ class Seen(NamedTuple):
     """Weighted sum of the distances of the planes, (R,) float32."""
 
 
+class Shine(NamedTuple):
+    """Colours of planes that depend on the side from which a point is seen.
+
+    The side is the offset between the point's texel and the one that the reference camera would see
+    in the direction of the ray, right and down, in units of `reach`. The functions of the side
+    (x, y) are x, y, x^2, x y and y^2, or the first two; a point has the sum of them times its
+    coefficients, added to its colour.
+    """
+
+    maps: Any
+    """Coefficients at every second texel, (G, h, w, 3 N) float32, N = 2 or 5, function by function.
+
+    For H x W texels, h = (H - 1) // 2 + 2 and w = (W - 1) // 2 + 2.
+    """
+    shared: int
+    """Number of planes, one behind the other, that share coefficients."""
+    reach: float
+    """Unit of the side, texels."""
+
+
 class AdamRule(NamedTuple):
     """The constants of a step of Adam."""
 

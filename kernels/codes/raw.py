@@ -73,4 +73,6 @@ EDGE = 0.05  # difference of scales that is an edge [Reinhard 2002]
 WELL, KNEE, LEAST = 0.2, 0.05, 1e-12
 # Alignment: levels of grey, and moves of one pixel, the shortest first.
 GREYS = 2**16
+GROUP = 2**8  # levels that are added up together
+PARTS = 32  # sums of each count of pixels that differ
 MOVES = ((0, 0), (-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _pages, _replays, _scratch, _streams
+from . import _pages, _recording, _replays, _scratch, _streams
 from ._internals import replace_cache, view_at
 
 _LINE = 64  # bytes of a cache line; rows of this size should not cross two lines
@@ -32,6 +32,7 @@ def start(device: str, stream: int | None) -> None:
         raise RuntimeError(
             "CUDA cannot be used in a forked process: start workers with the 'spawn' method"
         )
+    _recording.announce()
     key = (device, stream)
     if key not in _known_streams:
         if not wp.is_device_available(device):
@@ -187,7 +188,11 @@ def release_memory() -> None:
 
 
 def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
-    """Launch what `call` launches; on CUDA from the second time on as one graph."""
+    """Launch what `call` launches; on CUDA from the second time on as one graph.
+
+    All that `call` does must follow from its key and from the addresses and shapes of the arrays,
+    which include its inputs and all scratch memory that is used after it.
+    """
     if arrays[0].device.is_cuda:
         _replays.repeat(key, call, arrays)
     else:
@@ -199,9 +204,17 @@ MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 
 def record(call: Callable[[], None], device: str) -> Callable[[], None]:
-    """Return a function that repeats the launches of `call`; on CUDA, by one launch of a graph."""
+    """Return a function that repeats the launches of `call`; on CUDA, by one launch of a graph.
+
+    While other threads use CUDA, nothing can be recorded: the function is `call` itself.
+    """
     if device == "cpu":
         return call
+    with _recording.alone() as alone:
+        return _recorded(call, device) if alone else call
+
+
+def _recorded(call: Callable[[], None], device: str) -> Callable[[], None]:
     stream = wp.Stream(device)  # the legacy default stream, which torch uses, cannot record
     scratch = _scratch.known_scratch(stream.device)  # a recording cannot allocate memory
     with own_scratch(scratch), _streams.only_stream(stream):

@@ -49,7 +49,7 @@ def repeat(name: Hashable, call: Callable[[], None], arrays: Sequence[wp.array])
         from . import record
 
         graph = record(call, device.alias)
-    kept[key] = graph  # the last one used is the last one forgotten
+    kept[key] = None if graph is call else graph  # the last one used is the last one forgotten
     graph()
 
 

@@ -73,7 +73,8 @@ def test_one_camera(command, folder):
         (["--board", "5x1"], "board must be COLUMNSxROWS"),
         (["--board", "5x4", "--left", "c*"], "folder must have photographs named c*"),
         (["--board", "5x4", "--left", "b*"],
-         "board must be seen as a whole, 5x4 corners, in at least 2 photographs, got 0 of 1"),
+         "board must be seen as a whole, 5x4 corners where four squares meet, in at least 2 "
+         "photographs, got 0 of 1"),
         (["--board", "5x4", "--left", "*[b0].png"],
          "in at least 2 photographs, got 1 of 2: a0.png"),
         (["--board", "5x4", "--left", "a*", "--right", "b*"],

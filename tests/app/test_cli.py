@@ -42,7 +42,7 @@ def test_edges(command, photo, tmp_path):
 def test_every_parameter_of_canny_is_an_option(command, photo, tmp_path):
     options = typer.main.get_command(cli.app).commands["edges"].params  # type: ignore[attr-defined]
     parameters = set(inspect.signature(cvkern.canny).parameters)
-    assert parameters - {"image", "mask"} <= {p.name for p in options}
+    assert parameters - {"image", "mask", "batch_axis"} <= {p.name for p in options}
     defaults = inspect.signature(cvkern.canny).parameters
     for option in options:
         if option.name in set(defaults) - {"sigma", *GAUSSIAN}:  # these suit photographs better

@@ -41,6 +41,18 @@ def test_match(command, pair, tmp_path, method):
     assert read_image(files[0]).shape == (230, 420, 3)
 
 
+def test_match_of_a_plane(command, pair, tmp_path):
+    file = tmp_path / "out.json"
+    code, out, _ = command("match", *pair, "-o", tmp_path / "o.png", "--json", file, "--plane")
+    assert code == 0
+    rows = np.array([list(row.values()) for row in json.loads(file.read_text())])
+    assert f"{len(rows)} matches of one homography" in out
+    there = np.c_[rows[:, 1::-1], np.ones(len(rows))] @ MATRIX.T
+    off = there[:, :2] / there[:, 2:] - rows[:, :1:-1]
+    assert len(off) > 200
+    assert np.hypot(*off.T).max() < 3.1
+
+
 def test_refusals(command, pair, tmp_path):
     code, _, error = command("match", *pair, "-o", pair[0])
     assert code != 0
@@ -48,4 +60,7 @@ def test_refusals(command, pair, tmp_path):
     code, _, error = command("match", *pair, "-o", tmp_path / "o.png", "--method", "surf")
     assert code != 0
     assert "method must be one of ('sift', 'orb'), got 'surf'" in error
+    code, _, error = command("match", *pair, "-o", tmp_path / "o.png", "--plane", "--spread")
+    assert code != 0
+    assert "plane must be used with method sift" in error
     assert not (tmp_path / "o.png").exists()

@@ -62,6 +62,29 @@ def test_panorama(command, photographs, tmp_path):
     assert read_image(tmp_path / "out" / "panorama-1.png").shape[1] < 0.6 * image.shape[1]
 
 
+def test_a_damaged_file_and_one_of_words(command, photographs, tmp_path):
+    folder = tmp_path / "heap"
+    folder.mkdir()
+    for name in ("a.jpg", "c.jpg"):
+        (folder / name).write_bytes((photographs / name).read_bytes())
+    (folder / "bad.jpg").write_bytes((photographs / "a.jpg").read_bytes()[:900])
+    gray = read_image(photographs / "b.jpg")
+    gray = (gray if gray.ndim == 2 else gray[..., 0]).astype(np.uint16) * 257
+    write_image(folder / "b.png", gray)
+    code, _, error = command("panorama", folder, "-o", tmp_path / "out")
+    assert code == 0
+    assert "bad.jpg: left out, it cannot be read: " in error
+    assert "b.png: uint16 became uint8, as most are" in error
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert list(report["unreadable"]) == ["bad.jpg"]
+    assert report["panoramas"][0]["members"] == ["a.jpg", "b.png", "c.jpg"]
+    (folder / "a.jpg").unlink(), (folder / "b.png").unlink(), (folder / "c.jpg").unlink()
+    code, _, error = command("panorama", folder, "-o", tmp_path / "none")
+    assert code == 2
+    assert "folder must have images that can be read, got 'bad.jpg'" in error
+    assert not (tmp_path / "none").exists()
+
+
 def test_what_is_refused_writes_nothing(command, photographs, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()

@@ -42,6 +42,33 @@ def test_a_cloud(command, tmp_path, kind, code):
     assert command(*words, "--overwrite")[0] == 0
 
 
+def test_a_projector_above(command, tmp_path):
+    """The scanner whose pictures have rows for columns: what was beside the camera is above it."""
+    scan = cvkern.make_scan("gray_code", SHAPE, PROJECTOR)
+    swap = np.eye(3)[[1, 0, 2]]
+    left, right = (
+        cvkern.Camera(swap @ c.matrix @ swap, c.distortion[[0, 1, 3, 2, 4]], c.shape[::-1])
+        for c in (scan.calibration.left, scan.calibration.right)
+    )
+    turned = scan.calibration._replace(
+        left=left, right=right, rotation=swap @ scan.calibration.rotation @ swap,
+        translation=swap @ scan.calibration.translation,
+    )  # fmt: skip
+    cvkern.write_calibration(tmp_path / "pair.yml", turned)
+    columns = 2 * int(np.ceil(np.log2(PROJECTOR[1])))
+    (tmp_path / "shots").mkdir()
+    for n, frame in enumerate([*scan.frames[columns:], *scan.frames[:columns]]):
+        write_image(tmp_path / "shots" / f"{n:02}.png", np.ascontiguousarray(frame.T))
+    words = ["scan", tmp_path / "shots", "--calibration", tmp_path / "pair.yml", "-o",
+             tmp_path / "out"]  # fmt: skip
+    status, _, error = command(*words)
+    assert status == 0, error
+    depth = read_image(tmp_path / "out" / "depth.tif").T
+    known = np.isfinite(depth) & scan.lit
+    assert known.sum() > 0.6 * scan.lit.sum()
+    assert np.median(np.abs(depth - scan.points[..., 2])[known]) < 0.05
+
+
 def test_refusals(command, tmp_path):
     written(tmp_path, "gray_code", lights=False)
     words = ["scan", tmp_path / "shots", "--calibration", tmp_path / "pair.json", "-o",
@@ -60,4 +87,9 @@ def test_refusals(command, tmp_path):
     write_image(tmp_path / "shots" / "00.png", np.zeros((9, 9), np.uint8))
     status, _, error = command(*words)
     assert (status, "folder must have photographs of (90, 120)" in error) == (2, True)
+    status, _, error = command(*words, "--projector", "320")
+    assert (status, "projector must be COLUMNSxROWS, 1920x1080 say, got '320'" in error) == (
+        2,
+        True,
+    )
     assert not (tmp_path / "out").exists()

@@ -33,6 +33,17 @@ OPTIONS = [
     (ValueError, "focal_lengths must be > 0 and finite, or NaN, got others", ([IMAGE],),
      {"focal_lengths": [-1.0]}),
 ]  # fmt: skip
+PAIRS = [
+    (ValueError, "image1 must have 3 or 4 channels, got shape (4, 5, 2)",
+     (IMAGE, np.zeros((4, 5, 2))), {}),
+    (ValueError, "image0 must be 2-D or 3-D, got shape (3,)", (np.zeros(3), IMAGE), {}),
+    (ValueError, "threshold must be > 0, got 0", (IMAGE, IMAGE, 0), {}),
+    (ValueError, "max_keypoints must be in [1, 1048576], got 0", (IMAGE, IMAGE),
+     {"max_keypoints": 0}),
+    (ValueError, "max_ratio must be in (0, 1], got 2", (IMAGE, IMAGE), {"max_ratio": 2}),
+    (ValueError, "data_range must be > 0, got 0", (IMAGE, IMAGE), {"data_range": 0}),
+    (ValueError, "seed must be in [0, 2147483647], got -1", (IMAGE, IMAGE), {"seed": -1}),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("error", "message", "args", "options"), REFUSED)
@@ -44,3 +55,8 @@ def test_refusals(no_kernel_runs, error, message, args, options):
 @pytest.mark.parametrize(("error", "message", "args", "options"), OPTIONS)
 def test_refusals_of_options(no_kernel_runs, error, message, args, options):
     refused(error, message, cvkern.stitch, *args, **options)
+
+
+@pytest.mark.parametrize(("error", "message", "args", "options"), PAIRS)
+def test_refusals_of_pairs(no_kernel_runs, error, message, args, options):
+    refused(error, message, cvkern.match_photographs, *args, **options)

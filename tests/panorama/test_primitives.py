@@ -83,8 +83,9 @@ def test_bands(kernels, shape):
     weights = np.abs(noise(*shape[1:], seed=1))
     weights[0, 0] = 0
     room = np.zeros((shape[0], shape[1] + 3, shape[2] + 2), F32)
+    planes = np.concatenate((fine, weights[None]))
     totals, sums = kernels(
-        "panorama.blending.add_band", fine, coarse, 0, weights, 2, 1,
+        "panorama.blending.add_band", planes, np.concatenate((coarse, coarse[:1])), 0, 2, 1,
         out=[room, room[0] + F32(0.5)],
     )  # fmt: skip
     band = fine - reference.enlarged(coarse)

@@ -70,7 +70,8 @@ def test_planes_and_their_gradients_are_those_of_the_cpu(backend):
             rt, case = runtime(), test_planes.Case()
             texels = owned(rt, case.texels.astype(np.float32))
             seen = test_planes.seen_by(rt, case, texels)
-            answers.append([*map(rt.to_numpy, seen), test_planes.gradient(rt, case)])
+            sides = test_planes.shine_gradients(rt, case)
+            answers.append([*map(rt.to_numpy, seen), test_planes.gradient(rt, case), *sides])
     for here, there in zip(*answers, strict=True):
         np.testing.assert_allclose(there, here, atol=test_planes.CLOSE)
 
@@ -86,16 +87,19 @@ def test_planes_of_8_bits_are_those_of_the_cpu(backend):
             rays, planes = case.arrays(rt)
             from_, to = (owned(rt, np.tile(rt.to_numpy(a), (10, 1))) for a in rays[:2])
             rays = Rays(from_, to, owned(rt, np.array([390], np.int32)))
-            for stop in (0.0, 0.5):
+            for stop, row in ((0.0, 0), (0.5, 0), (0.0, 39), (0.5, 40)):
                 seen = Seen(rt.zeros((400, 3)), rt.zeros((400,)), rt.zeros((400,)))
-                rt.radiance.fields.planes.rays.render(rays, planes, owned(rt, words), stop, seen)
+                rt.radiance.fields.planes.rays.render(
+                    rays, planes, owned(rt, words), None, stop, row, seen
+                )
                 answers.append([rt.to_numpy(a).copy() for a in seen])
-    for here, there in zip(answers[:2], answers[2:], strict=True):
+    for here, there in zip(answers[:4], answers[4:], strict=True):
         assert not there[1][390:].any()
         for one, two in zip(here, there, strict=True):
-            # A weight of 1 / 256 that is rounded the other way moves a sample by as much.
+            # A weight of 1 / 256 that is rounded the other way moves a sample by as much. Units for
+            # textures round the place of a sample, from which CUDA has its weights, so many do.
             np.testing.assert_allclose(two, one, atol=0.02)
-            assert np.abs(two - one).mean() < 1e-5
+            assert np.abs(two - one).mean() < 2e-3
 
 
 def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
@@ -108,16 +112,21 @@ def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
         rays = Rays(from_, to, owned(rt, np.array([4000], np.int32)))
         texels = owned(rt, case.texels.astype(np.float32))
         seen = Seen(rt.zeros((4000, 3)), rt.zeros((4000,)), rt.zeros((4000,)))
-        rt.radiance.fields.planes.rays.render(rays, planes, texels, 0.0, seen)
+        rt.radiance.fields.planes.rays.render(rays, planes, texels, None, 0.0, 0, seen)
         for _ in range(3):
             sums = rt.zeros(case.texels.shape, np.int64)
             rt.radiance.fields.planes.rays.render_backward(
-                seen, rays, planes, texels, 0.0, seen, sums
+                seen, rays, planes, texels, None, 0.0, seen, sums, None
             )
             found.append(rt.to_numpy(sums).copy())
     assert found[0].any()
     np.testing.assert_array_equal(found[1], found[0])
     np.testing.assert_array_equal(found[2], found[0])
+    with cvkern.use(backend=backend, device="cuda"):
+        one, two = (test_planes.shine_gradients(runtime(), case, np.int64) for _ in "ab")
+    for first, again in zip(one, two, strict=True):
+        assert first.any()
+        np.testing.assert_array_equal(first, again)
 
 
 def test_colours_in_the_light_of_photographs(backend):

@@ -88,7 +88,7 @@ def made(scalar):
     for family, names in {
         "radiance.training._adam_cuda": ["adam"],
         "radiance.encodings": ["_spherical", "_positional", "_gather"],
-        "radiance.embeddings": ["gatherer", "copier"],
+        "radiance.wild.embeddings": ["gatherer", "copier"],
         "radiance.fields.perceptron.heads": ["_forward", "_color_backward", "_density_backward"],
     }.items():
         for name in names:
@@ -135,22 +135,24 @@ def test_rendering_of_planes_compiles_for_hopper(texel, tmp_path):
     compile_for_hopper(load("radiance.fields.planes.rays").renderer(texel).module, tmp_path)
     if texel is wp.uint32:
         code = compile_for_hopper(load("radiance.fields.planes._rays_cuda"), tmp_path / "bytes")
-        assert code.count("ld.global.nc.u32") + code.count("ld.global.nc.b32") == 16
+        assert code.count("tex.2d.v4.f32.f32") == 4
 
 
 @pytest.mark.parametrize(
     ("sums", "add"), [(wp.float32, "atom.global.add.f32"), (wp.int64, "add.u64")]
 )
 def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
-    kernel = load("radiance.fields.planes.rays").scatterer(sums, False)
-    assert add in compile_for_hopper(kernel.module, tmp_path / "scatter").replace("red.", "atom.")
+    for name in ("scatterer", "shine_scatterer"):
+        kernel = getattr(load("radiance.fields.planes._sums"), name)(sums, False)
+        code = compile_for_hopper(kernel.module, tmp_path / name).replace("red.", "atom.")
+        assert add in code
     for name in ("rays", "texels"):
         compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)
 
 
 def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
     for name in ("transient", "distractors", "embeddings", "appearance"):
-        compile_for_hopper(load(f"radiance.{name}"), tmp_path / name)
+        compile_for_hopper(load(f"radiance.wild.{name}"), tmp_path / name)
     for sums, add in ((wp.float32, "add.f32"), (wp.int64, "add.u64")):
-        kernel = load("radiance.transient").scatterer(sums, False)
+        kernel = load("radiance.wild.transient").scatterer(sums, False)
         assert f".global.{add}" in compile_for_hopper(kernel.module, tmp_path / add)

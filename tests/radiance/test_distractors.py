@@ -11,8 +11,8 @@ from cvkern._runtime import runtime
 from cvkern.images import write_image
 from cvkern.kernels.codes.radiance import Patches
 from cvkern.radiance import evaluate, fit, load_model, load_scene, make_scene, render
-from cvkern.radiance.distractors import patches_of
 from cvkern.radiance.rendering import owned, photograph
+from cvkern.radiance.wild.distractors import patches_of
 from profiling.experiments.wild_quality import changed
 from tests.radiance.runs import GRID, interrupt, press_ctrl_c, same
 
@@ -37,7 +37,7 @@ def test_weights_are_probabilities():
     first, second, active = (
         owned(rt, a.astype(I32)) for a in (views, 9 * row + column, np.array([ACTIVE]))
     )
-    kernels = rt.radiance.distractors
+    kernels = rt.radiance.wild.distractors
     a, b, c = given
     kernels.weigh(owned(rt, errors.astype(F32)), first, second, active, patches, a, b, c, moments)
     # Bayes' rule with normal densities of three channels, and the density 1 of any colour.
@@ -74,7 +74,7 @@ def test_patches_are_averaged_with_their_neighbours():
     sums = (256 * counts * rng.random(SHAPE)).astype(int)
     arrays = [owned(rt, a.astype(I32)) for a in (sums, counts)]
     patches = Patches(rt.zeros(SHAPE), arrays[0], arrays[1], rt.zeros((1,)), 9, SIDE)
-    rt.radiance.distractors.settle(patches, 0.99, 4.0, 10)
+    rt.radiance.wild.distractors.settle(patches, 0.99, 4.0, 10)
     around = np.ones((1, 3, 3), int)
     total, count = (convolve(a, around, mode="constant") for a in (sums, counts))
     share = ((total / 256 + 4 * 0.99) / (count + 4)).clip(0.01, 0.99)

@@ -102,7 +102,7 @@ def test_colors_of_a_rough_mesh_are_seen_across_it(monkeypatch):
     """Looked at from without, a ball of noise has the colour of its directions."""
     noise, plain = np.random.default_rng(0), Ball.see
 
-    def see(self, origins, directions, seen):
+    def see(self, origins, directions, seen, row=0):
         plain(self, origins, directions, seen)
         towards = self.rt.to_numpy(directions)
         self.rt.write(seen.color, np.ascontiguousarray(0.5 - 0.5 * towards))

@@ -86,7 +86,7 @@ def solved(case, delay=0, active=ACTIVE, sums: Any = np.float32):
     errors, number = rt.zeros((RAYS,)), put(np.array([active]))
     gradients = WildGradients(*(rt.zeros((RAYS, *tail)) for tail in ((3,), (), (3,), (5,))))
     views, pixels = put(case.views), put(case.pixels)
-    kernels = rt.radiance.transient
+    kernels = rt.radiance.wild.transient
     kernels.loss(
         put(case.color), put(case.opacity), put(case.targets), views, pixels, number, comparison,
         head, errors, gradients,

@@ -9,13 +9,14 @@ import pytest
 import warp as wp
 
 import cvkern.kernels.warp as kernels
-from cvkern.kernels.warp.color import _spaces_cuda
+from cvkern.kernels.warp.color import _contrast_cuda, _spaces_cuda
 from cvkern.kernels.warp.raw import (
     _bands_cuda,
     _fusion_cuda,
     _grids_cuda,
     _tone_cuda,
     exposures,
+    grids,
     tone,
 )
 from cvkern.kernels.warp.raw.demosaicing import _linear_cuda, _menon_cuda, planes, residual
@@ -41,10 +42,13 @@ MADE = {
     "collapse rest": lambda: _bands_cuda.collapse_rest,
     "collapse": lambda: _bands_cuda.collapse_four,
     "bytes": lambda: _spaces_cuda.encode_four,
+    "levels u8": lambda: _contrast_cuda._count_levels(wp.uint8),
+    "levels u16": lambda: _contrast_cuda._count_levels(wp.uint16),
+    "values": lambda: _contrast_cuda.count_bins,
     "survey": lambda: _tone_cuda.survey_four,
     "show": lambda: _tone_cuda.show_four,
     "luminance": lambda: tone._luminance.cuda(),
-    "fill": lambda: _grids_cuda.fill_cells,
+    "fill": lambda: grids._fill_part,
     "read": lambda: _grids_cuda.read_four,
 }
 

@@ -114,7 +114,7 @@ def test_weights_of_a_word_add_up_to_its_share(model):
 
 
 def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatch):
-    from cvkern.recognition import hypotheses
+    from cvkern.recognition import choices
 
     image = clutter(SHAPE, 11)
     put(image, thing(), 30, 20)
@@ -129,7 +129,7 @@ def test_description_is_the_shortest_that_greed_finds(backend, model, monkeypatc
         seen.update(host=on_host, modes=modes[there], evidence=evidence[there], least=least)
         seen.update(chosen=chosen[1 : chosen[0, 0] + 1])
 
-    explain = hypotheses.explain
+    explain = choices.explain
     monkeypatch.setattr("cvkern.recognition.search.explain", spy)
     model.detect(image, scales=[1.0], threshold=-8.0)
     places, _, levels, matches, weights = seen["host"]

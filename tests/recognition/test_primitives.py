@@ -188,12 +188,12 @@ def test_modes(kernels):
          for r in range(0, rows, 4) for c in range(0, columns, 5)], I32
     )  # fmt: skip
     maxima = kernels(
-        "recognition.votes.find_maxima", sums, space, tiles, out=[((len(tiles), 4), I32)]
+        "recognition.modes.find_maxima", sums, space, tiles, out=[((len(tiles), 4), I32)]
     )
     np.testing.assert_array_equal(maxima, reference.maxima(sums, space.bins, tiles))
     window = Window(90, 25, 6)
     modes = kernels(
-        "recognition.votes.shift_modes", votes, starts, space, window, maxima,
+        "recognition.modes.shift_modes", votes, starts, space, window, maxima,
         out=[(maxima.shape, I32)],
     )  # fmt: skip
     listed = reference.votes(patches.places, patches.matches, *occurrences, space.bins, space.slack)
@@ -267,7 +267,7 @@ def test_highest_maxima(kernels):
     for count, most, top in ((500, 40, 30), (30, 40, 30), (2000, 512, 2**31 - 1), (9, 4, 0)):
         values = rng.integers(-1, top, count, endpoint=True)
         maxima = np.column_stack([rng.integers(0, 99, (count, 3)), values]).astype(I32)
-        found = kernels("recognition.votes.select_maxima", maxima, out=[((most, 4), I32)])
+        found = kernels("recognition.modes.select_maxima", maxima, out=[((most, 4), I32)])
         order = np.argsort(-values, kind="stable")[:most]
         order = np.sort(order[values[order] > 0])
         np.testing.assert_array_equal(found[: len(order)], maxima[order])
@@ -291,7 +291,7 @@ def test_single_modes(kernels):
                 row[3] = 0
             if density:
                 seen.add((y, x, z))
-        found = kernels("recognition.votes.single_modes", modes, some, -3, out=[((300, 4), I32)])
+        found = kernels("recognition.modes.single_modes", modes, some, -3, out=[((300, 4), I32)])
         np.testing.assert_array_equal(found, want)
         assert 10 < np.count_nonzero(want[:, 3]) < np.count_nonzero(modes[:, 3]) - 10
 
@@ -306,7 +306,7 @@ def test_hypotheses_are_ranked_and_chosen(kernels):
     order.sort(key=lambda i: (-int(evidence[i]), *places[i].tolist()))
     for most in (10, 40):
         ranked, savings = kernels(
-            "recognition.hypotheses.rank_modes", modes, evidence, 2,
+            "recognition.choices.rank_modes", modes, evidence, 2,
             out=[((most, 4), I32), ((most,), I32)],
         )  # fmt: skip
         best = order[:most]
@@ -316,7 +316,7 @@ def test_hypotheses_are_ranked_and_chosen(kernels):
     shared = rng.integers(-4, 6, (40, 40)).astype(I32)
     starts = np.array([0, 3, 77], I32)
     found = kernels(
-        "recognition.hypotheses.explain_modes", ranked, savings, shared, starts, 2,
+        "recognition.choices.explain_modes", ranked, savings, shared, starts, 2,
         out=[((41, 4), I32)],
     )  # fmt: skip
     left = savings[: len(order)].tolist()

@@ -14,11 +14,11 @@ from cvkern.kernels.warp.shading import (
     recovery,
     rendering,
 )
-from cvkern.kernels.warp.shading.integration import cosines, equations, multigrid
+from cvkern.kernels.warp.shading.integration import _stages, cosines, equations, multigrid
 
 
 @pytest.mark.parametrize(
-    "module", [rendering, meshes, photometry, recovery, equations, multigrid, cosines]
+    "module", [rendering, meshes, photometry, recovery, equations, multigrid, cosines, _stages]
 )
 def test_compiles_for_hopper(module, tmp_path):
     kernels.start("cpu", None)

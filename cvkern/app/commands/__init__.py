@@ -22,8 +22,10 @@ Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace results that are there: tables, models, films.")
 ]
 
-Photo = Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read.")]
-Drawing = Annotated[Path, typer.Option("--output", "-o", help="Image to write.")]
+Photo = Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read, or a folder of them.")]
+Drawing = Annotated[
+    Path, typer.Option("--output", "-o", help="Image to write; a folder, if one is read.")
+]
 Csv = Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")]
 Json = Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")]
 Low = Annotated[

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
 from cvkern.app.commands.cameras import reconstructed, without_cameras
 
 SHAPES, FORWARD = "shapes", "shapes-forward"  # names of synthetic scenes
+SceneAt = Annotated[
+    Path,
+    typer.Argument(
+        metavar="SCENE",
+        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
+        "photographed from one side. If no file there has the cameras, they are found.",
+    ),
+]
 
 
 def within(scene: Any, bounds: str | None, near: float | None, far: float | None) -> Any:
@@ -76,3 +85,11 @@ def fade(model: Any, first: int | None, last: int | None, frames: int) -> Any:
         check_integer(number, name, 0, len(lights) - 1)
     share = np.linspace(0, 1, frames).reshape(-1, *(1,) * (lights.ndim - 1))
     return (1 - share) * lights[begin] + share * lights[last]
+
+
+def check_kind(film: bool, depth: Path | None, light_to: int | None) -> None:
+    """Refuse options of a single view for a film, and of a film for a single view."""
+    if film and depth:
+        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
+    if light_to is not None and not film:
+        raise ValueError(f"light-to must go with a film, got {light_to} with a single view")

@@ -67,8 +67,8 @@ def calibrate(
         of = "pairs" if right else "photographs"
         found = ", ".join(" and ".join(files[n].name for files in sides) for n in good)
         raise ValueError(
-            f"board must be seen as a whole, {board} corners, in at least {need} {of}, got "
-            f"{len(good)} of {len(views)}" + (f": {found}" if good else "")
+            f"board must be seen as a whole, {board} corners where four squares meet, in at least "
+            f"{need} {of}, got {len(good)} of {len(views)}" + (f": {found}" if good else "")
         )
     points = cvkern.chessboard_points(shape, square)
     lists: list[list[Any]] = [[found[n] for n in good] for found in seen]

@@ -16,7 +16,10 @@ SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pe
 
 def develop(
     photo: Annotated[
-        Path, typer.Argument(metavar="RAW", help="A camera's raw file, or an image of samples.")
+        Path,
+        typer.Argument(
+            metavar="RAW", help="A camera's raw file, an image of samples, or a folder."
+        ),
     ],
     output: Drawing,
     pattern: Annotated[

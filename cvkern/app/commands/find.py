@@ -29,7 +29,9 @@ def find(
     template: Annotated[
         Path, typer.Argument(metavar="TEMPLATE", help="Image that shows mainly the shape.")
     ],
-    scene: Annotated[Path, typer.Argument(metavar="SCENE", help="Image to find it in.")],
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="Image to find it in, or a folder of them.")
+    ],
     output: Drawing,
     rotations: Annotated[
         int, typer.Option(help="Rotations to try, over the full turn; 1 for upright only.")

@@ -38,6 +38,10 @@ def match(
     max_ratio: Annotated[
         float, typer.Option(help="Largest ratio of best to second distance; 1 keeps all.")
     ] = 0.8,
+    plane: Annotated[
+        bool,
+        typer.Option("--plane", help="Both show a plane, or were taken from one place: find more."),
+    ] = False,
     spread: Annotated[bool, typer.Option("--spread", help="Spread the points evenly.")] = False,
     to_csv: Csv = None,
     to_json: Json = None,
@@ -59,17 +63,36 @@ def match(
     check_new(to_json, "json", overwrite)
     if method not in ("sift", "orb"):
         raise ValueError(f"method must be one of ('sift', 'orb'), got {method!r}")
+    if plane and (method != "sift" or spread):
+        raise ValueError("plane must be used with method sift and without spread, got others")
     images = [read_image(file) for file in (one, other)]
-    find = getattr(cvkern, method)
-    metric = "euclidean" if method == "sift" else "hamming"
+    whites = [white_of(image) for image in images]
     with cvkern.use(backend=backend, device=device):
-        found = [
-            find(as_gray(i), max_keypoints, spread=spread, data_range=white_of(i)) for i in images
-        ]
-        matches = cvkern.match_descriptors(
-            found[0].descriptors, found[1].descriptors, max_ratio, metric=metric
-        )
-    table = np.hstack([f.points[matches[:, i]] for i, f in enumerate(found)])
+        if plane:
+            # One dtype for both, in parts of white.
+            a, b = (
+                as_gray(i).astype(np.float32) / np.float32(w)
+                for i, w in zip(images, whites, strict=True)
+            )
+            matches = cvkern.match_photographs(
+                a, b, max_keypoints=max_keypoints, max_ratio=max_ratio
+            )
+            table = np.hstack((matches.points0, matches.points1))
+            told = f"{len(table)} matches of one homography"
+        else:
+            find = getattr(cvkern, method)
+            found = [
+                find(as_gray(i), max_keypoints, spread=spread, data_range=w)
+                for i, w in zip(images, whites, strict=True)
+            ]
+            metric = "euclidean" if method == "sift" else "hamming"
+            pairs = cvkern.match_descriptors(
+                found[0].descriptors, found[1].descriptors, max_ratio, metric=metric
+            )
+            table = np.hstack([f.points[pairs[:, i]] for i, f in enumerate(found)])
+            told = "{} matches of {} and {} points".format(
+                len(table), *(len(f.points) for f in found)
+            )
     with contextlib.ExitStack() as files:  # an error in one file removes all
         if to_csv:
             write_csv(files.enter_context(replacing(to_csv)), ",".join(COLUMNS), table)
@@ -78,8 +101,7 @@ def match(
             beside = files.enter_context(replacing(to_json))
             write_text(beside, json.dumps(rows, indent=1) + "\n")
         write_image(output, side_by_side(images, table))
-    typer.echo(f"{output}: {len(table)} matches of {len(found[0].points)} and "
-               f"{len(found[1].points)} points")  # fmt: skip
+    typer.echo(f"{output}: {told}")
 
 
 def side_by_side(images: list[np.ndarray], table: np.ndarray) -> np.ndarray:

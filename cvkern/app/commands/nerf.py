@@ -18,18 +18,10 @@ from cvkern.app.commands import (
     check_new,
     progress_bar,
 )
-from cvkern.app.commands._scenes import FORWARD, SHAPES, fade, scene_at, with_settings, within
+from cvkern.app.commands._scenes import SceneAt, check_kind, fade, scene_at, with_settings, within
 
 nerf = typer.Typer(help="Radiance fields: new views from posed photographs.", no_args_is_help=True)
 
-SceneAt = Annotated[
-    Path,
-    typer.Argument(
-        metavar="SCENE",
-        help=f"Folder of photographs, or '{SHAPES}' for a synthetic scene, '{FORWARD}' for one "
-        "photographed from one side. If no file there has the cameras, they are found.",
-    ),
-]
 PAGES = ".html", ".png"  # files of planes
 ModelAt = Annotated[Path, typer.Argument(metavar="MODEL", help="Model to read, .npz.")]
 Shrink = Annotated[
@@ -233,10 +225,7 @@ def render(
     if orbit and path:
         raise ValueError(f"path must not go with an orbit, got {str(path)!r}")
     film = orbit or path is not None
-    if film and depth:
-        raise ValueError(f"depth must go with a single view, got {str(depth)!r} with a film")
-    if light_to is not None and not film:
-        raise ValueError(f"light-to must go with a film, got {light_to} with a single view")
+    check_kind(film, depth, light_to)
     raw = depth is not None and depth.suffix.lower() == ".npy"
     check_new(output if film else None, "output", overwrite)
     check_new(depth if raw else None, "depth", overwrite)

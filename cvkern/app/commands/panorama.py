@@ -49,7 +49,8 @@ def panorama(
     (.tif for photographs of floats); report.json has which photographs show the same, the
     strangers, and of each panorama its members, model, surface, focal lengths in pixels, rotations,
     lens, gains and the residual of its matches. Photographs are turned as their EXIF orientation
-    asks.
+    asks. A file that cannot be read is left out, with a message; photographs of another dtype than
+    most become photographs of that one, and white stays white.
     """
     from cvkern._files import write_text
     from cvkern.images._exif import focal_length
@@ -70,12 +71,21 @@ def panorama(
         raise ValueError(f"folder must have images, got none in {str(folder)!r}")
     with cvkern.use(backend=backend, device=device), progress_bar() as bar:
         task = bar.add_task("Reading", total=len(files))
-        images, lengths = [], []
+        images, lengths, names, unreadable = [], [], [], {}
         for file in files:
-            images.append(read_image(file))
+            bar.advance(task)
+            try:
+                images.append(read_image(file))
+            except (ValueError, OSError) as error:
+                unreadable[file.name] = str(error).rpartition(f"{str(file)!r}: ")[2]
+                continue
+            names.append(file.name)
             found = focal if focal is not None else focal_length(file, images[-1].shape)
             lengths.append(math.nan if found is None else found)
-            bar.advance(task)
+        if not images:
+            name, reason = next(iter(unreadable.items()))
+            raise ValueError(f"folder must have images that can be read, got {name!r}: {reason}")
+        dtypes = _make_alike(images)
         known = None if np.isnan(lengths).all() else lengths
         made = cvkern.stitch(
             images, surface=surface, scale=scale, crop=crop, compensate=compensate,
@@ -84,8 +94,11 @@ def panorama(
                 task, completed=done, total=total, description=text
             ),
         )  # fmt: skip
+    for name, reason in unreadable.items():
+        typer.echo(f"{name}: left out, it cannot be read: {reason}", err=True)
+    for i, dtype in dtypes.items():
+        typer.echo(f"{names[i]}: {dtype} became {images[i].dtype}, as most are", err=True)
     output.mkdir(parents=True, exist_ok=True)
-    names = [file.name for file in files]
     entries, written = [], []
     for number, one in enumerate(made, 1):
         real = one.image.dtype.kind == "f"
@@ -99,12 +112,31 @@ def panorama(
         "photographs": names,
         "pairs": [[names[i], names[j]] for one in made for i, j in one.pairs],
         "strangers": strangers,
+        "unreadable": unreadable,
         "panoramas": entries,
     }
     write_text(output / REPORT, json.dumps(report, indent=1) + "\n")
     for stale in {*old} - {*written, output / REPORT}:
         stale.unlink()
     typer.echo(f"{output / REPORT}: {len(made)} panoramas, {len(strangers)} strangers")
+
+
+def _make_alike(images: list[np.ndarray]) -> dict[int, np.dtype]:
+    """Convert images in place to the dtype of most, of equals the widest; return what others had.
+
+    White stays white: the largest number of an integer dtype, and 1 of floats.
+    """
+    from cvkern.features._photographs import white_of
+
+    dtypes = [image.dtype for image in images]
+    most = max(dtypes, key=lambda dtype: (dtypes.count(dtype), dtype.itemsize))
+    others = {i: dtype for i, dtype in enumerate(dtypes) if dtype != most}
+    for i in others:
+        values = images[i] * (white_of(np.empty(0, most)) / white_of(images[i]))
+        if most.kind == "u":
+            values = np.nan_to_num(values).clip(0, np.iinfo(most).max).round()
+        images[i] = values.astype(most)
+    return others
 
 
 def _size(one: Any) -> str:

@@ -94,7 +94,11 @@ def train(
         model.fit(images, boxes, masks, negatives or None)
     model.save(output)
     count = len(files) if boxes is None else sum(map(len, boxes))
-    typer.echo(f"{output}: learnt {count} objects against {len(negatives)} negatives")
+    height, width = model.box or (0, 0)
+    typer.echo(
+        f"{output}: learnt {count} objects against {len(negatives)} negatives; "
+        f"at scale 1 an object has {height} x {width} pixels"
+    )
 
 
 @recognize.command(hidden=True)
@@ -109,7 +113,7 @@ def find(
         typer.Option(
             metavar="S,S,...",
             help="Sizes of objects, in sizes of the model.",
-            show_default="0.71,0.84,1,1.19,1.41",
+            show_default="0.71 to 1.41 times that of the pictures learnt from",
         ),
     ] = None,
     threshold: Annotated[

@@ -50,8 +50,9 @@ def scan(
     Photographs go by the order of their names: those of gray_code_patterns, columns first, each
     pattern before its inverse, with or without rows, and at the end a white and a black one if
     there are; or those of phase_shift_patterns. The first camera of FILE took them, and the second
-    is the projector. DIR has columns.png, depth.png and depth.tif (32-bit floats), cloud.ply and
-    turntable.gif.
+    is the projector. If it stands above or below, photographs of rows as well are needed, and used.
+    DIR has columns.png (or the rows of the projector), depth.png and depth.tif (32-bit floats),
+    cloud.ply and turntable.gif.
     """
     from cvkern.clouds import turntable, write_animation, write_ply
     from cvkern.images.colors import apply_colormap
@@ -82,18 +83,25 @@ def scan(
             found, shade = _gray(frames, pair.right.shape)
         else:
             found, shade = _fringes(frames, pair.right.shape, frequencies, steps)
-        points = cvkern.triangulate_columns(found.columns, pair, found.valid)
+        # Lines across the way from the camera to the projector tell more of the depth.
+        across, down = np.abs(pair.translation[:2] * pair.right.matrix[[0, 1], [0, 1]])
+        axis = "rows" if found.rows is not None and down > across else "columns"
+        lines = getattr(found, axis)
+        points = cvkern.triangulate_columns(lines, pair, found.valid, axis=axis)
         known = np.isfinite(points).all(axis=2)
         if not known.any():
-            raise ValueError("no pixel has a depth: are these the patterns, in this order?")
+            raise ValueError(
+                f"no pixel has a depth, and {found.valid.mean():.1%} have a code: are these the "
+                "patterns, in this order, and the calibration of this camera and projector?"
+            )
         cloud = points[known]
         colors = np.repeat(shade[known][:, None], 3, axis=1)
         movie = turntable(cloud, colors)
     depth = np.where(known, points[..., 2], np.float32(np.nan))
-    columns = np.where(found.valid, found.columns, np.float32(np.nan)).astype(np.float32)
+    shown = np.where(found.valid, lines, np.float32(np.nan)).astype(np.float32)
     share = f"{known.mean():.1%} of {depth.shape[0]} x {depth.shape[1]} pixels"
     output.mkdir(parents=True, exist_ok=True)
-    write_image(output / "columns.png", apply_colormap(columns))
+    write_image(output / "columns.png", apply_colormap(shown))
     write_image(output / "depth.png", apply_colormap(depth))
     write_image(output / "depth.tif", depth)
     write_ply(output / "cloud.ply", cloud, colors)

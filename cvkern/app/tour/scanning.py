@@ -37,9 +37,9 @@ def chapter() -> Chapter:
 def _board(clock: Clock) -> Figure:
     camera = cvkern.Camera([[420, 0, 203], [0, 420, 148], [0, 0, 1]], LENS, (300, 400))  # pyright: ignore[reportArgumentType]
     board = cvkern.chessboard_points(BOARD)
-    views, corners = [], []
+    views, corners, rays = [], [], _rays(camera)
     for n, turn in enumerate(TILTS):
-        view = _seen(camera, np.array(turn), n)
+        view = _seen(camera.shape, rays, np.array(turn), n)
         views.append(view)
         corners.append(clock(cvkern.detect_chessboard, view, BOARD))
     found = cvkern.calibrate_camera(board, corners, camera.shape, fixed=("k3", "p1", "p2"))
@@ -69,15 +69,22 @@ def _board(clock: Clock) -> Figure:
     )
 
 
-def _seen(camera: cvkern.Camera, turn: np.ndarray, seed: int) -> np.ndarray:
+def _rays(camera: cvkern.Camera) -> np.ndarray:
+    """Return the rays of nine places of each pixel."""
+    from cvkern.geometry.cameras.lens import rays_of
+
+    height, width = camera.shape
+    y, x = (np.indices((3 * height, 3 * width)) - 1) / 3
+    return rays_of(np.stack((x.ravel(), y.ravel()), axis=1), camera)
+
+
+def _seen(shape: tuple[int, int], rays: np.ndarray, turn: np.ndarray, seed: int) -> np.ndarray:
     """Render a board, three times finer and then averaged."""
-    from cvkern.geometry.cameras.lens import rays_of, turned
+    from cvkern.geometry.cameras.lens import turned
 
     rotation = turned(turn)
     shift = np.array([0, 0, 13.0]) - rotation @ [(BOARD[1] - 1) / 2, (BOARD[0] - 1) / 2, 0]
-    height, width = camera.shape
-    y, x = (np.indices((3 * height, 3 * width)) - 1) / 3
-    rays = rays_of(np.stack((x.ravel(), y.ravel()), axis=1), camera)
+    height, width = shape
     along = (rotation[:, 2] @ shift) / (rays @ rotation[:, 2])
     u, v, _ = ((rays * along[:, None] - shift) @ rotation).T
     i, j = np.floor(v), np.floor(u)

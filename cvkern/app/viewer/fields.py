@@ -1,4 +1,8 @@
-"""A radiance field, seen from where the user stands, while it trains and afterwards."""
+"""A radiance field, seen from where the user stands, while it trains and afterwards.
+
+While a camera moves, a picture has only as many pixels as are rendered in `COARSE` seconds; when
+the camera stands still, it is rendered again with more.
+"""
 
 from __future__ import annotations
 

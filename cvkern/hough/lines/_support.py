@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from cvkern._checks import check_accumulator
 from cvkern._runtime import Runtime
 from cvkern.hough.lines._tables import (
     SUBPIXEL,
-    cast_votes,
     direction_windows,
     line_tables,
     reach,
@@ -19,7 +18,7 @@ from cvkern.hough.lines._tables import (
 )
 from cvkern.hough.lines.peaks import peak_bins
 from cvkern.hough.lines.votes import suggest_line_bins
-from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS
+from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS, LineTables, LineWindows
 
 AIM = math.pi / 8  # radians: largest angle between a gradient and the normal of its line
 _AIM_OF_VOTES = math.radians(3)  # the same for votes, where more would cost time and add clutter
@@ -27,10 +26,8 @@ _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photogr
 _LENGTH = 320  # pixels: lines up to this length fall into one bin; longer ones into several
 _APART = 3  # bins of rho and theta between the peaks of one round
 FITS = 2  # fits of a line; each uses the points that are on the line of the previous fit
-CHANGES = 0, 1  # times that a point may move to the next line, in each of the fits of a segment
 _TUKEY = 4.685 / 0.6745  # farthest point that counts, in medians: 95 % efficient for normal errors
 _LEAST_SCALE = 0.1  # pixels: the farthest point that counts is at least this far away
-DENSITY = 0.6  # least points per pixel of a segment; a thin edge has 0.7 to 1
 
 
 class Runs(NamedTuple):
@@ -47,16 +44,26 @@ def vote(
     rt: Runtime, points: np.ndarray, directions: np.ndarray, size: tuple[int, int], least: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return angle and distance of the lines with at least `least` votes."""
+    found = subpixel_points(rt, points, size)
+    return vote_listed(rt, found.points, found.starts, rt.adopt(directions), size, least)
+
+
+def vote_listed(
+    rt: Runtime, points: Any, starts: Any, directions: Any, size: tuple[int, int], least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same of kernel arrays: points in fixed point, their number, and directions."""
     step, theta = suggest_line_bins(size, _LOCALISATION, length=_LENGTH)
     distances = reach(size, step)
     shape = (2 * distances + 1, len(theta))
     check_accumulator(shape, "votes")
     votes = rt.scratch("detect.votes", shape, np.int32)
-    found = subpixel_points(rt, points, size)
     angles = theta.tobytes()
-    tables = line_tables(angles, step, size, parts=SUBPIXEL)
-    windows = direction_windows(angles, _AIM_OF_VOTES)
-    cast_votes(rt, found, tables, windows, directions, None, 0, votes)
+    given = line_tables(angles, step, size, parts=SUBPIXEL)
+    cosine, sine, offset = (rt.constant(table) for table in given[:3])
+    tables = LineTables(cosine, sine, offset, given.shift)
+    first, number = (rt.constant(w) for w in direction_windows(angles, _AIM_OF_VOTES))
+    allowed = LineWindows(directions, first, number)
+    rt.hough.lines.votes.vote_directed(points, starts, allowed, tables, None, votes)
     row, column = peak_bins(rt, votes, math.ceil(least) - 1, _APART, _APART, True)
     return theta[column], step * (row - distances)
 
@@ -81,10 +88,10 @@ def claim(
     past = np.full(len(points), -1) if after is None else after
     rt.hough.lines.segments.claim(
         rt.adopt(points),
-        rt.adopt(_codes(directions), np.int32),
+        rt.adopt(codes_of(directions), np.int32),
         rt.adopt(past, np.int32),
         rt.adopt(np.stack((np.cos(theta), np.sin(theta), rho))),
-        rt.adopt(_codes(theta), np.int32),
+        rt.adopt(codes_of(theta), np.int32),
         float(np.float32(distance)),
         math.floor(min(tolerance, math.pi) * DIRECTION_FACTOR),
         labels,
@@ -92,7 +99,7 @@ def claim(
     return rt.to_numpy(labels).copy()
 
 
-def _codes(angles: np.ndarray) -> np.ndarray:
+def codes_of(angles: np.ndarray) -> np.ndarray:
     """Return the direction codes of angles, computed as in the kernels."""
     turned = angles.astype(np.float32) * np.float32(DIRECTION_FACTOR) + np.float32(0.5)
     return np.floor(turned).astype(np.int64) & (DIRECTIONS - 1)
@@ -132,73 +139,6 @@ def _order(key: np.ndarray, along: np.ndarray) -> np.ndarray:
     for digit in digits:
         order = order[np.argsort(digit.astype(np.uint16)[order], kind="stable")]
     return order
-
-
-def supported(
-    rt: Runtime,
-    points: np.ndarray,
-    directions: np.ndarray,
-    theta: np.ndarray,
-    rho: np.ndarray,
-    distance: float,
-    min_length: float,
-    max_gap: float,
-    changes: int,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of the segments along the lines, and the number of points of each segment.
-
-    A stronger line that only crosses a segment must not take points from it. So a point that
-    belongs to no segment of its line is moved to the next line that it is on, `changes` times.
-    """
-    labels = claim(rt, points, directions, theta, rho, distance, AIM)
-    for _ in range(changes):
-        chosen, _ = _segments(points, directions, labels, theta, min_length, max_gap)
-        loose = labels < len(theta)
-        loose[chosen] = False
-        i = np.flatnonzero(loose)
-        after = labels[i]
-        labels[i] = claim(rt, points[i], directions[i], theta, rho, distance, AIM, after)
-    return _segments(points, directions, labels, theta, min_length, max_gap)
-
-
-def _segments(
-    points: np.ndarray,
-    directions: np.ndarray,
-    labels: np.ndarray,
-    theta: np.ndarray,
-    min_length: float,
-    max_gap: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of long and dense runs, and the number of points of each run."""
-    normal = np.append(_codes(theta), 0)[labels]
-    quarter = DIRECTIONS // 4  # a gradient is along the normal, or against it
-    brighter = ((_codes(directions) - normal + quarter) & (DIRECTIONS - 1)) < 2 * quarter
-    found = runs(points, labels, theta, max_gap, brighter.astype(np.intp))
-    length = found.along[found.end - 1] - found.along[found.begin]
-    number = found.end - found.begin
-    kept = (length >= min_length) & (number >= DENSITY * length)
-    begin, number = found.begin[kept], number[kept]
-    first = np.cumsum(number) - number
-    return found.order[np.repeat(begin - first, number) + np.arange(number.sum())], number
-
-
-def fitted_segments(
-    points: np.ndarray, directions: np.ndarray, number: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the segments fitted to groups of points, and their lines; `number` is per group."""
-    if not len(number):
-        return np.zeros((0, 4)), np.zeros(0), np.zeros(0)
-    first = np.cumsum(number) - number
-    place = points.astype(np.float64)
-    theta, rho, _ = fit(place, np.ones(len(place)), first)
-    c, s = np.cos(theta), np.sin(theta)
-    along = place[:, 0] * np.repeat(c, number) - place[:, 1] * np.repeat(s, number)
-    least, most = np.minimum.reduceat(along, first), np.maximum.reduceat(along, first)
-    # Choose the first end so that the brighter side is always on the left.
-    turned = np.cos(directions[first].astype(np.float64) - theta) < 0
-    ends = [np.where(turned, a, b) for a, b in ((most, least), (least, most))]
-    rows_columns = [(rho * s + t * c, rho * c - t * s) for t in ends]
-    return np.stack([*rows_columns[0], *rows_columns[1]], axis=1), theta, rho
 
 
 def fitted_lines(
@@ -256,9 +196,14 @@ def fit(
     y, x = (total(weights * a) / sums for a in points.T)
     down, along = points[:, 0] - np.repeat(y, number), points[:, 1] - np.repeat(x, number)
     yy, xx, xy = (total(weights * a) for a in (down * down, along * along, down * along))
-    # Rotating the normal by half a turn gives the same line.
-    theta = 0.5 * np.arctan2(2 * xy, xx - yy) + math.pi / 2
-    theta = np.where(theta >= math.pi / 2, theta - math.pi, theta)
+    theta = normal_of(yy, xx, xy)
     c, s = np.cos(theta), np.sin(theta)
     left = xx * c * c + 2 * xy * c * s + yy * s * s
     return theta, x * c + y * s, np.sqrt(np.maximum(left, 0) / sums)
+
+
+def normal_of(yy: np.ndarray, xx: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Return the angles of the normals of the major axes of covariances, in [-pi/2, pi/2)."""
+    # Rotating the normal by half a turn gives the same line.
+    theta = 0.5 * np.arctan2(2 * xy, xx - yy) + math.pi / 2
+    return np.where(theta >= math.pi / 2, theta - math.pi, theta)

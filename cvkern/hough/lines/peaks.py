@@ -155,9 +155,17 @@ def peak_bins(
     """Return row and column of the peaks of a kernel array, the largest first."""
     mask = rt.scratch("peaks.mask", tuple(values.shape), bool)
     rt.hough.lines.peaks.local_maxima(values, limit, min_distance, min_angle, wraps, mask)
-    # NumPy lists set elements several times faster on one axis than on two, and as bool.
-    row, column = np.divmod(np.flatnonzero(rt.to_numpy(mask).view(bool)), values.shape[1])
-    order = np.argsort(-rt.to_numpy(values)[row, column].astype(np.float64), kind="stable")
+    starts = rt.scratch("peaks.starts", (values.shape[0] + 1,), np.int32)
+    rt.hough.points.count(mask, starts)
+    number = int(rt.to_numpy(starts)[-1])
+    if not number:
+        return np.zeros(0, np.intp), np.zeros(0, np.intp)
+    bins = rt.scratch("peaks.bins", (number, 2), np.int32)
+    taken = rt.scratch("peaks.taken", (number,), np.float64)
+    rt.hough.points.gather(mask, starts, bins)
+    rt.hough.lines.peaks.take(values, bins, taken)
+    row, column = rt.to_numpy(bins).T.astype(np.intp)
+    order = np.argsort(-rt.to_numpy(taken), kind="stable")
     return row[order], column[order]
 
 

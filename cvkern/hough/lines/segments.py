@@ -23,23 +23,17 @@ from cvkern.edges.subpixel import locate_edges
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
     AIM,
-    CHANGES,
-    DENSITY,
     FITS,
     claim,
     fit,
     fitted_lines,
-    fitted_segments,
     runs,
-    supported,
     vote,
 )
 from cvkern.hough.lines._tables import check_listed, values_at
 from cvkern.hough.lines.peaks import HoughLinePeaks
+from cvkern.hough.lines.runs import Rule, find_segments
 from cvkern.hough.lines.votes import check_points
-
-# Rounds of votes for segments. All rounds together, up to ten, find 1.5 % more segments.
-ROUNDS = 3
 
 
 class LineFit(NamedTuple):
@@ -343,21 +337,12 @@ def detect_segments(
         image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
-    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
-    segments = [np.zeros((0, 4))]
-    for _ in range(ROUNDS):
-        theta, rho = vote(rt, points, directions, size, DENSITY * min_length)
-        new, chosen = np.zeros((0, 4)), np.zeros(0, np.intp)
-        for changes in CHANGES:
-            chosen, number = supported(
-                rt, points, directions, theta, rho, distance, min_length, max_gap, changes
-            )
-            new, theta, rho = fitted_segments(points[chosen], directions[chosen], number)
-        if not len(new):
-            break
-        segments.append(new)
-        points, directions = (np.delete(a, chosen, axis=0) for a in (points, directions))
-    found = np.concatenate(segments)
+    edges = locate_edges(rt, image, options)
+    rule = Rule(min_length, max_gap, distance)
+    found = np.zeros((0, 4))
+    if len(edges.orientation):
+        given = rt.adopt(edges.points), rt.adopt(edges.orientation)
+        found = find_segments(rt, *given, size, rule)
     length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
     return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))
 

@@ -106,8 +106,11 @@ class Field(abc.ABC):
         """
 
     @abc.abstractmethod
-    def see(self, origins: Any, directions: Any, seen: View) -> None:
-        """Fill `seen` for rays with these origins and unit directions, (R, 3), for any R."""
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
+        """Fill `seen` for rays with these origins and unit directions, (R, 3), for any R.
+
+        `row` is the width of a picture if these are the rays of its pixels, row by row, or 0.
+        """
 
     @abc.abstractmethod
     def forward(self, rays: Rays, step: Any) -> Composited:

@@ -220,7 +220,7 @@ class MLPNetwork(SampledField):
             views, samples.rays, samples.total, self.settings.width, samples.inner["view"]
         )
         if self.lit:
-            rt.radiance.embeddings.gather(
+            rt.radiance.wild.embeddings.gather(
                 self.lights.table, self.lights.views, samples.rays, samples.total,
                 light_column(self.settings), samples.inner["view"],
             )  # fmt: skip
@@ -261,7 +261,7 @@ class MLPNetwork(SampledField):
                     dy, w, x, total, gated, a.column, g[a.source]
                 )
             if a.source == "view" and self.lit:
-                rt.radiance.embeddings.copy(
+                rt.radiance.wild.embeddings.copy(
                     g["view"], total, light_column(self.settings), self._d_lights
                 )
             if a.source == "view":

@@ -11,14 +11,15 @@ import numpy as np
 from cvkern._archives import shape_of
 from cvkern._checks import check_integer, check_positive
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import AdamRule, Composited, Learnt, Rays, Seen
-from cvkern.radiance.fields.field import Field, Frame, Learning, View
+from cvkern.kernels.codes.radiance import AdamRule, Composited, Learnt, Rays, Seen, Shine
+from cvkern.radiance.fields.field import Field, Frame, Learning, View, halved
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
 from cvkern.radiance.march import STOP, taken
 from cvkern.radiance.scenes.photographs import Scene
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 WARMUP = 20  # steps until the learning rate reaches its full value
+SHINE = 0.05  # learning rate of coefficients of the side, as a share of that of colours
 LAST_BYTE = 1 / 255  # share of the light at which a ray through texels of 8 bits ends
 LEAST, MOST = 2, 2**13  # rows and columns of a plane
 MOST_PLANES = 512
@@ -32,6 +33,11 @@ class PlanesField:
     and evenly spaced in 1 / depth. Each has a texture of colours and opacities. Such a field is for
     photographs that look the same way, and for views between them. It begins with a plane sweep of
     the photographs by the stereo costs of this library.
+
+    With a `basis`, a colour depends on the side from which it is seen: on the offset between the
+    texel and the one that the reference camera would see in the same direction. To each colour a
+    sum of functions of that offset is added, times coefficients that several planes share, as in
+    NeX [2]_, with polynomials as the functions.
 
     Raises
     ------
@@ -52,6 +58,8 @@ class PlanesField:
     ----------
     .. [1] T. Zhou, R. Tucker, J. Flynn, G. Fyffe and N. Snavely, "Stereo magnification: learning
        view synthesis using multiplane images", ACM Transactions on Graphics 37(4), 2018.
+    .. [2] S. Wizadwongsa, P. Phongthawee, J. Yenphraphai and S. Suwajanakorn, "NeX: real-time view
+       synthesis with neural basis expansion", CVPR 2021.
     """
 
     planes: int = 32
@@ -64,6 +72,11 @@ class PlanesField:
     """Texels per pixel of the photographs, along a side."""
     texels: int = 2**24
     """Largest number of texels of all planes; their detail is reduced to it."""
+    basis: int = 0
+    """Functions of the side: 0, 2 (linear) or 5 (quadratic). The pages of :func:`write_planes` have
+    none."""
+    shared: int = 8
+    """Planes, one behind the other, that share coefficients of these functions."""
     rays: int = 4096
     """Rays of a batch."""
     learning_rate: float = 0.1
@@ -74,6 +87,9 @@ class PlanesField:
     def __post_init__(self) -> None:
         check_integer(self.planes, "planes", 1, MOST_PLANES)
         check_integer(self.texels, "texels", LEAST**2 * self.planes, 2**29)
+        if check_integer(self.basis, "basis", 0, 5) not in (0, 2, 5):
+            raise ValueError(f"basis must be 0, 2 or 5, got {self.basis}")
+        check_integer(self.shared, "shared", 1, MOST_PLANES)
         check_integer(self.rays, "rays", 1, 2**20)
         for name in ("detail", "learning_rate", "final_rate"):
             check_positive(getattr(self, name), name)
@@ -105,6 +121,8 @@ class PlaneStack(Field):
     reference: Reference
     texels: Any  # the array that pictures are made from
     parameters: Parameters | None = None  # None if the texels have 8 bits
+    shine: Shine | None = None
+    coefficients: Parameters | None = None  # what `shine` is made of
 
     def __init__(self, rt: Runtime, frame: Frame, settings: PlanesField):
         self.rt, self.frame, self.settings = rt, frame, settings
@@ -113,7 +131,7 @@ class PlaneStack(Field):
             rt.zeros((rays, 3)), rt.zeros((rays,)), rt.zeros((rays,)), rt.zeros((rays,))
         )
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
-        self._exact = False
+        self._shine_rate, self._exact = rt.zeros((3,)), False
 
     def start(self, scene: Scene) -> None:
         """See :meth:`Field.start`: a plane sweep of the photographs."""
@@ -122,6 +140,25 @@ class PlaneStack(Field):
         reference, parameters = first_planes(scene, self.frame, self.settings)
         self._place(reference)
         self._train(parameters)
+        if self.settings.basis:
+            offsets = self.frame.inside(scene.cameras.poses[~scene.test])[:, :, 3]
+            aside = (offsets - reference.pose[:, 3]) @ reference.pose[:, :2]
+            farthest = float(np.linalg.norm(aside, axis=1).max())
+            reach = reference.lens[:2].max() * farthest * reference.disparities[0]
+            self._shine(np.zeros(self._maps(parameters.shape)), max(float(reach), 1.0))
+
+    def _maps(self, texels: tuple[int, ...]) -> tuple[int, ...]:
+        """Return the shape of the coefficients for texels of the shape (D, H, W, ...)."""
+        groups = -(-texels[0] // self.settings.shared)
+        return groups, *((n - 1) // 2 + 2 for n in texels[1:3]), 3 * self.settings.basis
+
+    def _shine(self, values: np.ndarray, reach: float) -> None:
+        """Begin with these coefficients."""
+        self.edition += 1
+        self.coefficients = Parameters(self.rt, values, np.dtype(np.float32))
+        if self._exact:
+            self.coefficients.make_deterministic(self.rt)
+        self.shine = Shine(self.coefficients.values, self.settings.shared, reach)
 
     def _place(self, reference: Reference) -> None:
         """Remember where the planes are."""
@@ -161,34 +198,48 @@ class PlaneStack(Field):
         """See :meth:`Field.make_deterministic`; on a GPU, atomics add to the planes."""
         if self.rt.device != "cpu":
             self._exact, self.gradient_scale = True, LIFT
-            if self.parameters is not None:
-                self.parameters.make_deterministic(self.rt)
+            for learnt in (self.parameters, self.coefficients):
+                if learnt is not None:
+                    learnt.make_deterministic(self.rt)
 
-    def see(self, origins: Any, directions: Any, seen: View) -> None:
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
         """See :meth:`Field.see`."""
         active = self.rt.constant(np.array([2**31 - 1], np.int32))
         stop = LAST_BYTE if self.parameters is None else STOP
         self.rt.radiance.fields.planes.rays.render(
-            Rays(origins, directions, active), self.planes, self.texels, stop, Seen(*seen)
+            Rays(origins, directions, active),
+            self.planes,
+            self.texels,
+            self.shine,
+            stop,
+            row,
+            Seen(*seen),
         )
 
     def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`; there is no distortion."""
-        self._last = rays, self.planes, self.texels, STOP
-        self.rt.radiance.fields.planes.rays.render(*self._last, Seen(*self.rendered[:3]))
+        self._last = rays, self.planes, self.texels, self.shine, STOP
+        self.rt.radiance.fields.planes.rays.render(*self._last, 0, Seen(*self.rendered[:3]))
         return self.rendered
 
     def backward(self, gradients: Composited) -> None:
         """See :meth:`Field.backward`."""
-        learnt = self._learnt()
+        learnt, shown = self._learnt(), self.coefficients
         self.rt.radiance.fields.planes.rays.render_backward(
-            Seen(*gradients[:3]), *self._last, Seen(*self.rendered[:3]), learnt.sums
+            Seen(*gradients[:3]),
+            *self._last,
+            Seen(*self.rendered[:3]),
+            learnt.sums,
+            None if shown is None else shown.sums,
         )
         learnt.collect(self.rt)
+        if shown is not None:
+            shown.collect(self.rt)
 
     def collected(self) -> list[Any]:
         """See :meth:`Field.collected`."""
-        return [self._learnt().gradients]
+        beside = [] if self.coefficients is None else [self.coefficients.gradients]
+        return [self._learnt().gradients, *beside]
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
@@ -202,6 +253,14 @@ class PlaneStack(Field):
             self._rate, self._clip.factor, AdamRule(*BETAS, EPSILON, sparse=True),
             Learnt(p.gradients, p.mean, p.square, p.values), self.texels,
         )  # fmt: skip
+        if self.coefficients is not None:
+            adam = self.rt.radiance.training.adam
+            adam.learning_rate(
+                learning.step, learning.progress, SHINE * s.learning_rate, WARMUP, s.final_rate,
+                *BETAS, self._shine_rate,
+            )  # fmt: skip
+            rule = AdamRule(*BETAS, EPSILON, sparse=True)
+            adam.adam(self._shine_rate, self._clip.factor, rule, *self.coefficients.flat())
 
     def _learnt(self) -> Parameters:
         if self.parameters is None:
@@ -246,15 +305,21 @@ class PlaneStack(Field):
     def state(self) -> dict[str, np.ndarray]:
         """See :meth:`Field.state`."""
         placed = {f"reference.{name}": a for name, a in self.reference._asdict().items()}
+        if self.shine is not None and self.coefficients is not None:
+            placed["shine.reach"] = np.array([self.shine.reach])
+            placed |= self.coefficients.state("shine.", self.rt)
         if self.parameters is None:
             return placed | {"bytes": self.bytes()}
         return placed | self.parameters.state("texels.", self.rt)
 
     def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """See :meth:`Field.to_render`: texels of 8 bits, so pictures differ by their rounding."""
-        return {k: a for k, a in state.items() if k.startswith("reference.")} | {
-            "bytes": self.bytes()
-        }
+        kept = {k: a for k, a in state.items() if k.startswith("reference.")}
+        if "shine.values" in state:
+            kept["shine.reach"], kept["shine.values"] = (
+                state["shine.reach"], halved(state["shine.values"]),
+            )  # fmt: skip
+        return kept | {"bytes": self.bytes()}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
@@ -272,12 +337,18 @@ class PlaneStack(Field):
         parts = ("pose", (3, 4)), ("lens", (4,)), ("disparities", (s.planes,))
         placed = [taken(state, f"reference.{part}", of, np.float64) for part, of in parts]
         check_reference(*placed)
+        if s.basis:
+            reach = float(taken(state, "shine.reach", (1,), np.float64)[0])
+            check_positive(reach, "shine.reach")
+            self._shine(taken(state, "shine.values", self._maps(shape)), reach)
         if name == "bytes":
             self.paint(Reference(*placed), taken(state, name, shape, np.uint8))
             return
         self._place(Reference(*placed))
         self._train(taken(state, name, shape))
         self._learnt().restore("texels.", state, self.rt)
+        if self.coefficients is not None:
+            self.coefficients.restore("shine.", state, self.rt)
 
 
 def check_reference(pose: np.ndarray, lens: np.ndarray, disparities: np.ndarray) -> None:

@@ -198,7 +198,7 @@ class VoxelGrid(Field):
             STOP,
         )
 
-    def see(self, origins: Any, directions: Any, seen: View) -> None:
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
         """See :meth:`Field.see`."""
         rt, count = self.rt, origins.shape[0]
         active = rt.constant(np.array([2**31 - 1], np.int32))

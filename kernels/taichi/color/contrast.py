@@ -8,8 +8,9 @@ their middles. Counters are integers, so they do not depend on the order of the 
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.color import LEVELS, TONES
+from cvkern.kernels.codes.color import LEVELS, SLOTS, TONES
 from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._order import ordered
 from cvkern.kernels.taichi._rounding import product, quotient, wide_product
 
 any_1 = ti.types.ndarray(ndim=1)  # u8 or u16
@@ -19,6 +20,7 @@ f64_1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
+i64_2 = ti.types.ndarray(dtype=ti.i64, ndim=2)
 u16_2 = ti.types.ndarray(dtype=ti.u16, ndim=2)
 
 
@@ -82,6 +84,29 @@ def extent(found: np.ndarray, ends: np.ndarray) -> None:
     One thread a pixel.
     """
     _extent(found, ends)
+
+
+@ti.kernel
+def _survey(image: f32_1, keys: i64_2):
+    for i in range(image.shape[0]):
+        value = image[i]
+        if ti.abs(value) < ti.math.inf:
+            key = ti.cast(ordered(ti.bit_cast(value, ti.i32)), ti.i64) + ti.i64(2**31)
+            ti.atomic_max(keys[i % SLOTS, 0], ti.i64(2**32) - key)
+            ti.atomic_max(keys[i % SLOTS, 1], key)
+        else:
+            ti.atomic_max(keys[i % SLOTS, 2], ti.i64(1))
+
+
+@primitive
+def survey(image: np.ndarray, keys: np.ndarray) -> None:
+    """Find both ends of (N,) finite values, and whether there are others: keys (SLOTS, 3).
+
+    A key is the bits of a value as an integer of the same order, plus 2^31; that of the least is
+    taken off 2^32, so that all are maxima. The last is 1 where a value is not finite. One thread a
+    value.
+    """
+    _survey(image, keys)
 
 
 @ti.kernel

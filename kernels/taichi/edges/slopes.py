@@ -7,7 +7,7 @@ of this quotient is (s / w)' = (s' - s / w w') / w.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._rounding import product, quotient
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
@@ -19,21 +19,30 @@ u8_3 = ti.types.ndarray(dtype=ti.u8, ndim=3)
 @ti.kernel
 def _cover(
     image: f32_2,
+    masked: ti.i32,
     mask: u8_2,
     # outputs
     covered: f32_2,
     weight: f32_2,
 ):
     for y, x in image:
-        covered[y, x] = image[y, x] if mask[y, x] != 0 else 0.0
-        weight[y, x] = 1.0 if mask[y, x] != 0 else 0.0
+        there = 1
+        if masked != 0:
+            if mask[y, x] == 0:
+                there = 0
+        covered[y, x] = image[y, x] if there != 0 else 0.0
+        weight[y, x] = 1.0 if there != 0 else 0.0
 
 
 @primitive
-def cover(image: np.ndarray, mask: np.ndarray, covered: np.ndarray, weight: np.ndarray) -> None:
-    """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
+def cover(
+    image: np.ndarray, mask: np.ndarray | None, covered: np.ndarray, weight: np.ndarray
+) -> None:
+    """Set masked pixels, if any, to 0, and write the weights 1 and, for masked pixels, 0."""
     tall = -1, image.shape[-1]  # the rows of all images of a stack
-    _cover(*(a.reshape(tall) for a in (image, mask, covered, weight)))
+    given = scratch((1, 1), np.uint8) if mask is None else mask.reshape(tall)
+    outputs = covered.reshape(tall), weight.reshape(tall)
+    _cover(image.reshape(tall), int(mask is not None), given, *outputs)
 
 
 @ti.kernel

@@ -32,7 +32,6 @@ def add_band(
     fine: np.ndarray,
     coarse: np.ndarray,
     last: int,
-    weights: np.ndarray,
     top: int,
     left: int,
     totals: np.ndarray,
@@ -40,9 +39,10 @@ def add_band(
 ) -> None:
     """Add weights times (fine - enlarged coarse) to a part of the totals; one thread a pixel.
 
-    The `last` band is the fine image itself. The weights are added to the sums.
+    The plane of `fine` behind the colours has the weights, which are added to the sums. The `last`
+    band is the fine image itself.
     """
-    _add_band(fine, coarse, last, weights, top, left, 0, totals, sums)
+    _add_band(fine, coarse, last, top, left, 0, totals, sums)
 
 
 @primitive
@@ -120,10 +120,9 @@ def _enlarged(coarse: ti.template(), c: ti.i32, y: ti.i32, x: ti.i32, zero: ti.i
 
 @ti.kernel
 def _add_band(
-    fine: f32_3,  # (C, h, w)
-    coarse: f32_3,  # (C, h / 2, w / 2)
+    fine: f32_3,  # (C + 1, h, w)
+    coarse: f32_3,  # (C + 1, h / 2, w / 2)
     last: ti.i32,
-    weights: f32_2,  # (h, w)
     top: ti.i32,
     left: ti.i32,
     zero: ti.i32,
@@ -131,11 +130,11 @@ def _add_band(
     totals: f32_3,  # (C, H, W)
     sums: f32_2,  # (H, W)
 ):
-    for i, j in ti.ndrange(weights.shape[0], weights.shape[1]):
-        weight = weights[i, j]
+    for i, j in ti.ndrange(fine.shape[1], fine.shape[2]):
+        weight = fine[totals.shape[0], i, j]
         if weight > 0.0:
             sums[top + i, left + j] = sums[top + i, left + j] + weight
-            for c in range(fine.shape[0]):
+            for c in range(totals.shape[0]):
                 band = fine[c, i, j]
                 if last == 0:
                     band = band - _enlarged(coarse, c, i, j, zero)

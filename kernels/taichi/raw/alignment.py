@@ -9,8 +9,8 @@ largest of an image; all that follows are integers. Each kernel takes one thread
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
-from cvkern.kernels.taichi._launch import primitive
+from cvkern.kernels.codes.raw import GREYS, GROUP, MOVES, PARTS
+from cvkern.kernels.taichi._launch import primitive, scratch
 from cvkern.kernels.taichi._order import ordered
 from cvkern.kernels.taichi._rounding import product
 
@@ -88,6 +88,44 @@ def count(levels: np.ndarray, counts: np.ndarray) -> None:
 
 
 @ti.kernel
+def _add_up(counts: i32_2, parts: i32_2):
+    for k, g in parts:
+        total = 0
+        for i in range(GROUP):
+            total += counts[k, g * GROUP + i]
+        parts[k, g] = total
+
+
+@ti.kernel
+def _medians(counts: i32_2, parts: i32_2, found: i32_1):
+    for k in found:
+        total = ti.i64(0)
+        for g in range(parts.shape[1]):
+            total += parts[k, g]
+        group, level, below, rest = 0, 0, ti.i64(0), ti.i64(0)
+        for g in range(parts.shape[1]):
+            below += parts[k, g]
+            if 2 * below < total:
+                group, rest = g + 1, below
+        for i in range(GROUP):
+            rest += counts[k, group * GROUP + i]
+            if 2 * rest < total:
+                level = i + 1
+        found[k] = group * GROUP + level
+
+
+@primitive
+def medians(counts: np.ndarray, found: np.ndarray) -> None:
+    """Write the lower median of each image's levels, of which `counts` (K, GREYS) tell.
+
+    One thread a group of levels, then one an image.
+    """
+    parts = scratch((counts.shape[0], GREYS // GROUP), np.int32)
+    _add_up(counts, parts)
+    _medians(counts, parts, found)
+
+
+@ti.kernel
 def _split(levels: i32_2, medians: i32_1, noise: ti.i32, sides: u8_2):
     for k, i in levels:
         off = levels[k, i] - medians[k]
@@ -106,21 +144,50 @@ def split(levels: np.ndarray, medians: np.ndarray, noise: int, sides: np.ndarray
 
 
 @ti.kernel
-def _compare(sides: u8_3, k: ti.i32, fixed: ti.i32, dy: ti.i32, dx: ti.i32, sums: i32_2):
-    for y, x in ti.ndrange(sides.shape[1], sides.shape[2]):
+def _compare(sides: u8_3, fixed: ti.i32, shifts: i32_2, sums: i32_3):
+    for k, y, x in sides:
         there = ti.cast(sides[fixed, y, x], ti.i32)
         if there > 0:
             for n in ti.static(range(len(MOVES))):
-                v, u = y - dy - MOVES[n][0], x - dx - MOVES[n][1]
+                v = y - 2 * shifts[k, 0] - MOVES[n][0]
+                u = x - 2 * shifts[k, 1] - MOVES[n][1]
                 if 0 <= v < sides.shape[1] and 0 <= u < sides.shape[2]:
                     if ti.cast(sides[k, v, u], ti.i32) + there == 3:
-                        ti.atomic_add(sums[(y * sides.shape[2] + x) % SLOTS, n], 1)
+                        ti.atomic_add(sums[k, (y * sides.shape[2] + x) % PARTS, n], 1)
 
 
 @primitive
-def compare(sides: np.ndarray, k: int, fixed: int, dy: int, dx: int, sums: np.ndarray) -> None:
-    """Count where image k, moved by (dy, dx) and one of MOVES, is on the other side.
+def compare(sides: np.ndarray, fixed: int, shifts: np.ndarray, sums: np.ndarray) -> None:
+    """Count where each image, moved by its shift doubled and one of MOVES, is on the other side.
 
-    The counts of a move are spread over SLOTS sums.
+    The counts of a move are spread over PARTS sums, (K, PARTS, MOVES), which are 0 before. One
+    thread a pixel.
     """
-    _compare(sides, k, fixed, dy, dx, sums)
+    _compare(sides, fixed, shifts, sums)
+
+
+@ti.kernel
+def _choose(sums: i32_3, height: ti.i32, width: ti.i32, shifts: i32_2):
+    for k in range(shifts.shape[0]):
+        dy, dx = 2 * shifts[k, 0], 2 * shifts[k, 1]
+        best, off, size = 0, ti.i64(0), ti.i64(0)
+        for n in ti.static(range(len(MOVES))):
+            differ = ti.i64(0)
+            for part in range(PARTS):
+                differ += sums[k, part, n]
+            tall = ti.max(height - ti.abs(dy + MOVES[n][0]), 0)
+            common = ti.cast(tall, ti.i64) * ti.max(width - ti.abs(dx + MOVES[n][1]), 0)
+            if common > 0 and (size == 0 or differ * size < off * common):
+                best, off, size = n, differ, common
+        for n in ti.static(range(len(MOVES))):
+            if n == best:
+                shifts[k, 0], shifts[k, 1] = dy + MOVES[n][0], dx + MOVES[n][1]
+
+
+@primitive
+def choose(sums: np.ndarray, height: int, width: int, shifts: np.ndarray) -> None:
+    """Double each shift and add the move with the smallest share of pixels that differ.
+
+    On a tie it is the first of MOVES; without common pixels, none. One thread an image.
+    """
+    _choose(sums, height, width, shifts)

@@ -2,8 +2,9 @@
 
 About a reference g, values are remapped to ``g + n + slope (d - n)``, with ``d = v - g`` and n the
 part of d within sigma: details stay, edges shrink. Pyramids of the image remapped about evenly
-spaced references give the bands of the result: at a pixel whose smoothed value lies between two of
-them, those of both, by its distance. Planes of a level are these, the image's own, and the result.
+spaced references give the bands of the result: a pixel whose smoothed value lies between two
+references has the bands of both, each weighted by how near its reference is. Planes of a level are
+these, the image's own, and the result. One thread takes a pixel.
 """
 
 from collections.abc import Sequence

@@ -1,8 +1,9 @@
 """Merging of exposures in Taichi.
 
-With the response g, log2 of exposure over value, radiance is the weighted mean over exposures of
-``g(z) - log2 t``; of linear values v that of ``v / t``, with weights t^2. An exposure that differs
-from the reference by more than some stops does not count, where the reference does.
+The response g(z) is log2 of the exposure that gives the value z. With exposure times t, the log2 of
+radiance is the weighted mean of ``g(z) - log2 t`` over the exposures [Debevec and Malik 1997]. For
+linear values v, radiance is the mean of ``v / t`` with weights t^2. Where the reference counts, an
+exposure that differs from it by more than some stops has no weight. One thread takes a pixel.
 """
 
 import numpy as np

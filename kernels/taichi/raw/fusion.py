@@ -3,8 +3,8 @@
 An image weighs at a pixel as the product of three measures: the size of the Laplacian of its mean
 colour, the standard deviation of its colours, and ``exp(-(v - 1/2)^2 / (2 WELL^2))`` of each value
 v. Each band of a Laplacian pyramid is the weighted mean of those of the images, with weights
-smoothed as much as the level. Values may leave 0 to 1 a little; within KNEE of either end and
-beyond, they are bent by an exponential.
+smoothed as much as the level. The sum of the bands may leave 0 to 1 a little: values within KNEE of
+either end, and beyond it, are bent by an exponential. One thread takes a pixel.
 """
 
 from collections.abc import Sequence

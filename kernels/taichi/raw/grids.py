@@ -1,9 +1,10 @@
 """A bilateral grid, in Taichi [Chen, Paris and Durand 2007].
 
-A pixel with its value is a point in space and depth; the grid has a cell for each standard
-deviation, and two more at each side. Values and their number are added to the nearest cell, as
-integers, so that their order does not count; cells are smoothed along each axis by a Gaussian of
-one cell; and the mean at a point is the quotient of both, interpolated linearly.
+A pixel and its value are a point in space and depth. A cell of the grid is as wide as a standard
+deviation of the filter, and there are two more cells at each side. Values, and their number, are
+added to the nearest cell, as integers, so their order has no effect. The cells are smoothed along
+each axis by a Gaussian whose standard deviation is one cell. The filtered value of a pixel is the
+quotient of both sums, each interpolated linearly at its point. One thread takes a pixel or a cell.
 """
 
 import numpy as np

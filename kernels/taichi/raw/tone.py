@@ -2,7 +2,7 @@
 
 Reinhard's curve maps scaled luminance s to ``s (1 + s / w^2) / (1 + s)`` with the white w, or to
 ``s / (1 + a)`` with the mean a of the surroundings [Reinhard et al. 2002]. Colours are scaled as
-luminance is. What is negative or not finite is black.
+luminance is. A negative value, and one that is not finite, becomes black. One thread takes a pixel.
 """
 
 import numpy as np

@@ -1,4 +1,16 @@
-"""Equations of the views without points, in Taichi: a thread a parameter of a view."""
+"""The Schur complement of bundle adjustment, in Taichi: equations of the views without the points.
+
+Sighting o has the residual r, the weight w, the derivatives A (2, 3) by its point p and B (2, K) by
+the parameters of its view. V_p is the sum of w A^T A over the sightings of p, with its diagonal
+damped, and y_p = V_p^-1 times the sum of w A^T r. Then the views c and d have the equations
+
+    S_cd = [c = d] sum_c w B^T B - sum over the points p of both: (w B^T A)_c V_p^-1 (w A^T B)_d
+    g_c = sum_c w B^T r - sum_c w B^T A y_p
+
+(B. Triggs, P. McLauchlan, R. Hartley and A. Fitzgibbon, "Bundle adjustment: a modern synthesis",
+2000, section 6.1). Only pairs of views that see the same points have a block. A thread has one
+parameter of a view: a row of all blocks of this view.
+"""
 
 import taichi as ti
 
@@ -22,7 +34,7 @@ def fill_rows(
     # outputs
     system: f64_3,
 ):
-    """Write the rows of the blocks."""
+    """Write row r of each block S_cd, d >= c."""
     for item in range(number.shape[0] * system.shape[1]):
         size = system.shape[1]
         c = item // size
@@ -76,7 +88,7 @@ def gather(
     right: f64_2,
     sizes: f64_2,
 ):
-    """Write the gradient, and the diagonal before points were eliminated."""
+    """Write g_c, and the diagonal of the sum of w B^T B."""
     for item in range(right.shape[0] * right.shape[1]):
         size = right.shape[1]
         c = item // size

@@ -1,7 +1,14 @@
 """Bundle adjustment, in Taichi: residuals, derivatives, and equations without the points.
 
-A view sees a point W at X = R W + t; a turn w changes R to exp(w) R. All numbers are float64, and
-sums are in the order of sightings, so results do not depend on the number of threads.
+A view sees the point W at X = R W + t, in the pixel
+
+    x = fx (u s + 2 p1 u v + p2 (r^2 + 2 u^2)) + cx,   s = 1 + k1 r^2 + k2 r^4 + k3 r^6
+    y = fy (v s + p1 (r^2 + 2 v^2) + 2 p2 u v) + cy,   u = X / Z, v = Y / Z, r^2 = u^2 + v^2
+
+(D. Brown, 1966, as OpenCV has it). A turn w changes R to exp(w) R. A step of Levenberg and
+Marquardt solves the equations of the views without the points, and then moves the points. All
+numbers are float64, and sums are in the order of sightings, so results do not depend on the number
+of threads.
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 A matt pixel shows ``i_k = l_k . s`` with ``s = rho n``. Weighted least squares are
 ``s = A^-1 b``, ``A = sum w_k l_k l_k^T``, ``b = sum w_k i_k l_k`` [Woodham 1980]. The rules differ
-in the weights:
+in the weights w:
 
 - trimmed: 1 for the images whose rank among those of the pixel lies in a window;
 - L1: ``1 / |i_k - l_k . s|``, again and again;
@@ -11,9 +11,9 @@ in the weights:
   the variance becomes ``(g d r)^2 + g - g^2 d (1 - d h)``, where r is the residual;
 - consensus: several windows of ranks, in each the weights of Cauchy's distribution,
   ``1 / (1 + (r / spread)^2)``, and 0 where the model is dark. The normals of the windows are
-  averaged, each by the inverse of its standard deviation, ``spread sqrt(t) / |s|`` with the trace t
-  of A^-1 across s: a window that leaves too little to tell the normal counts little, and so does
-  one with outliers.
+  averaged, each with the inverse of its standard deviation as its weight: ``spread sqrt(t) / |s|``
+  with the trace t of A^-1 across s. So a window that leaves too little to tell the normal counts
+  little, and so does one with outliers.
 """
 
 import numpy as np

@@ -1,9 +1,10 @@
 """Normals from one image: one sweep of smoothing on the cones that brightness allows, in Taichi.
 
-Under a light l a matt pixel of brightness I has a normal on the cone ``n . l = I`` [Worthington and
-Hancock 1999]. Which one, its neighbours tell: n_x and n_y are averaged, n_z follows from them, and
-the nearest vector of the cone is taken. For a sphere that is exact: its n_x and n_y are linear. A
-guide, the normals of the depth that fits best, makes the field that of a surface.
+Under a light l, a matt pixel of brightness I has a normal on the cone ``n . l = I`` [Worthington
+and Hancock 1999]. Its neighbours tell which normal of the cone it is: their n_x and n_y are
+averaged, n_z follows from both, and the nearest vector of the cone is taken. This is exact for a
+sphere, whose n_x and n_y are linear. The normals are then drawn towards a guide, those of the depth
+that fits best, because not every field of normals belongs to a surface. One thread takes a pixel.
 """
 
 import numpy as np

@@ -1,12 +1,20 @@
-"""Histograms and tone curves on CUDA, one thread a pixel."""
+"""Histograms and tone curves on CUDA, one thread a pixel; counts by blocks, in native code."""
 
+from functools import lru_cache
 from typing import Any
 
 import warp as wp
 
 from cvkern.kernels.codes.color import LEVELS, TONES
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import BLOCK, launch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+OPTIONS = {"enable_backward": False, "fuse_fp": False}
+BINS = 1024  # bins of a histogram in shared memory, at most
+GROUP = 16  # pixels of a thread at once
+MOST = 2**17  # threads that count, which take pixels in turns
 
 _MOST = wp.constant(float(LEVELS - 1))
 _TONES = wp.constant(TONES)
@@ -85,14 +93,6 @@ def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
     """Return the kernels for levels of one type."""
 
     @wp.kernel
-    def count_levels(
-        found: wp.array[level],
-        # outputs
-        counts: wp.array[int],
-    ):
-        wp.atomic_add(counts, int(found[wp.tid()]), 1)
-
-    @wp.kernel
     def find_extent(
         stride: int,
         found: wp.array[level],
@@ -150,13 +150,13 @@ def _of_levels(level: Any) -> tuple[wp.Kernel, ...]:
         total += _share(maps[bottom, right, code], u * v)
         mixed[y, x] = wp.uint16(wp.min(int(total), _TONES - 1))
 
-    return count_levels, find_extent, count_tiles, blend_pixels
+    return find_extent, count_tiles, blend_pixels
 
 
 _REAL, _BYTE, _WORD = wp.float32, wp.uint8, wp.uint16
 _LEVELS = {level: _of_levels(level) for level in (_BYTE, _WORD)}
-count_levels, find_extent, count_tiles, blend_pixels = (
-    {t: four[i] for t, four in _LEVELS.items()} for i in range(4)
+find_extent, count_tiles, blend_pixels = (
+    {t: three[i] for t, three in _LEVELS.items()} for i in range(3)
 )
 find_levels = {t: _find_levels(t, _BYTE if t is _BYTE else _WORD) for t in (_BYTE, _WORD, _REAL)}
 # Floats pass as integers with their bits.
@@ -164,3 +164,44 @@ read_table = {(t, b): _read_table(t, b) for t in (_BYTE, _WORD) for b in (_BYTE,
 scale_colours = {
     (t, to): _scale_colours(t, to) for t in (_BYTE, _WORD, _REAL) for to in (_BYTE, _REAL)
 }
+
+
+def count(found: wp.array, counts: wp.array) -> None:
+    """Count how often each level occurs."""
+    kernel = _count_levels(found.dtype)
+    launch(kernel, _threads(found.shape[0]), [found], [counts])
+
+
+def count_values(image: wp.array, edges: wp.array, counts: wp.array) -> None:
+    """Count the values in at most BINS bins between edges."""
+    launch(count_bins, _threads(image.shape[0]), [image, edges], [counts])
+
+
+def _threads(count: int) -> int:
+    """Return the threads of whole blocks for so many pixels."""
+    return -(-min(-(-count // GROUP), MOST) // BLOCK) * BLOCK
+
+
+@lru_cache
+def _count_levels(level: Any) -> wp.Kernel:
+    bins = 256 if level is _BYTE else 0
+
+    @_native.kernel("_contrast_cuda.cu", OPTIONS, LEVEL=level, BINS=bins, GROUP=GROUP)
+    def count_levels(
+        found: wp.array[level],
+        # outputs
+        counts: wp.array[int],
+    ):
+        """Forward to the native code."""
+
+    return count_levels
+
+
+@_native.kernel("_contrast_cuda.cu", OPTIONS, BINS=BINS)
+def count_bins(
+    image: wp.array[float],
+    edges: wp.array[wp.float64],
+    # outputs
+    counts: wp.array[int],
+):
+    """Forward to the native code."""

@@ -1,20 +1,22 @@
 """Histograms and tone curves in Warp; the Taichi set has the rules.
 
-On CUDA one thread takes a pixel. On the CPU a thread takes a slab, with histograms of its own; they
-are added up afterwards.
+On CUDA one thread takes a pixel, and blocks count in shared memory. On the CPU a thread takes a
+slab, with histograms of its own; they are added up afterwards.
 """
 
 import numpy as np
 import warp as wp
 
-from cvkern.kernels.codes.color import TONES
+from cvkern.kernels.codes.color import SLOTS, TONES
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
+from cvkern.kernels.warp._order import ordered
 from cvkern.kernels.warp.color import _contrast_cpu as cpu
 from cvkern.kernels.warp.color import _contrast_cuda as cuda
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 _TONES = wp.constant(TONES)
+_SLOTS = wp.constant(SLOTS)
 _THREADS = 2**16  # threads of CUDA that compare levels
 
 
@@ -32,7 +34,7 @@ def count_levels(found: wp.array, counts: wp.array) -> None:
     """Count how often each level occurs."""
     size = found.shape[0]
     if found.device.is_cuda:
-        launch(cuda.count_levels[found.dtype], size, [found], [counts])
+        cuda.count(found, counts)
         return
     number, length = slabs(size, size), counts.shape[0]
     shape = (number, 8 if found.dtype is wp.uint8 else 1, length)
@@ -52,6 +54,20 @@ def extent(found: wp.array, ends: wp.array) -> None:
     parts = scratch("contrast.parts", (number, 2), wp.int32, found.device)
     launch_slabs(cpu.find_extent[found.dtype], size, number, [found], [parts])
     ends.numpy()[...] = parts.numpy()[:, 0].min(), parts.numpy()[:, 1].max()
+
+
+def survey(image: wp.array, keys: wp.array) -> None:
+    """Find both ends of (N,) finite values, and whether there are others: keys (SLOTS, 3).
+
+    A key is the bits of a value as an integer of the same order, plus 2^31; that of the least is
+    taken off 2^32, so that all are maxima. The last is 1 where a value is not finite.
+    """
+    count = image.shape[0]
+    if image.device.is_cuda:
+        threads = min(_THREADS, count)
+        launch(_survey, threads, [0, 0, count, threads, image], [keys])
+    else:
+        launch_slabs(_survey, count, min(slabs(count, count), SLOTS), [1, image], [keys])
 
 
 def tiles(
@@ -130,13 +146,12 @@ def look_up(image: wp.array, found: wp.array, table: wp.array, out: wp.array) ->
 def count(image: wp.array, edges: wp.array, counts: wp.array) -> None:
     """Count the values in bins between edges; the last edge belongs to the last bin."""
     size = image.shape[0]
+    if image.device.is_cuda and counts.shape[0] <= cuda.BINS:
+        cuda.count_values(image, edges, counts)
+        return
     if image.device.is_cuda:
-        launch(
-            _count,
-            size,
-            [0, 0, size, size, image, edges],
-            [view(counts, wp.int32, (1, counts.shape[0]))],
-        )
+        parts = view(counts, wp.int32, (1, counts.shape[0]))
+        launch(_count, size, [0, 0, size, size, image, edges], [parts])
         return
     number = slabs(size, size)
     parts = scratch("contrast.parts", (number, counts.shape[0]), wp.int32, image.device)
@@ -150,6 +165,38 @@ def curve(
 ) -> None:
     """Read a broken line through (centre, height) with these slopes at each value, in float64."""
     launch_each(_curve, out.shape[0], 8 * out.size, [image, centres, heights, slopes], [out])
+
+
+@wp.func
+def _key(value: float):
+    return wp.int64(ordered(wp.cast(value, wp.int32))) + wp.int64(2147483648)
+
+
+@wp.kernel
+def _survey(
+    slab: int,
+    first: int,
+    last: int,
+    stride: int,
+    image: wp.array[float],
+    # outputs
+    keys: wp.array2d[wp.int64],
+):
+    least = float(wp.inf)
+    most = float(-wp.inf)
+    others = wp.int64(0)
+    for i in range(first + wp.tid(), last, stride):
+        value = image[i]
+        if wp.isfinite(value):
+            least = wp.min(least, value)
+            most = wp.max(most, value)
+        else:
+            others = wp.int64(1)
+    slot = (slab + wp.tid()) % _SLOTS
+    if least <= most:
+        wp.atomic_max(keys, slot, 0, wp.int64(4294967296) - _key(least))
+        wp.atomic_max(keys, slot, 1, _key(most))
+    wp.atomic_max(keys, slot, 2, others)
 
 
 @wp.kernel

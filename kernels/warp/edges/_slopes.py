@@ -16,7 +16,8 @@ def cover(
     first: int,
     last: int,
     image: wp.array2d[float],  # (H, W)
-    mask: wp.array2d[wp.uint8],  # (H, W)
+    masked: bool,
+    mask: wp.array2d[wp.uint8],  # (H, W), if any pixel may be masked
     # outputs
     covered: wp.array2d[float],  # (H, W)
     weight: wp.array2d[float],  # (H, W)
@@ -25,11 +26,12 @@ def cover(
     for i in range(first + wp.tid(), last, stride):
         y = i // width
         x = i - y * width
-        value = float(0.0)
-        share = float(0.0)
-        if mask[y, x] != wp.uint8(0):
-            value = image[y, x]
-            share = 1.0
+        value = image[y, x]
+        share = float(1.0)
+        if masked:
+            if mask[y, x] == wp.uint8(0):
+                value = 0.0
+                share = 0.0
         covered[y, x] = value
         weight[y, x] = share
 
@@ -62,13 +64,37 @@ def recover_frame(
     rows: wp.array[float],  # (H,)
     columns: wp.array[float],  # (W,)
     cval: float,
+    reach: int,
+    outer: int,
+    beside: int,
     # outputs
     image: wp.array2d[float],  # (N H, W)
 ):
-    y, x = wp.tid()
-    row = rows[y % rows.shape[0]]
-    if row != 1.0 or columns[x] != 1.0:
-        image[y, x] = recovered(image[y, x], row, columns[x], cval)
+    # One thread per pixel of the frames: `outer` rows, then `beside` columns of the other rows.
+    i = wp.tid()
+    height = rows.shape[0]
+    width = image.shape[1]
+    across = outer * width
+    frame = across + (height - outer) * beside
+    n = i // frame
+    i -= n * frame
+    y = int(0)
+    x = int(0)
+    if i < across:
+        y = i // width
+        x = i - y * width
+        if y >= reach:
+            y += height - outer
+    else:
+        i -= across
+        y = i // beside
+        x = i - y * beside
+        y += reach
+        if x >= reach:
+            x += width - beside
+    if rows[y] != 1.0 or columns[x] != 1.0:
+        at = n * height + y
+        image[at, x] = recovered(image[at, x], rows[y], columns[x], cval)
 
 
 @wp.kernel

@@ -7,7 +7,7 @@ from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, scratch, sl
 
 from . import _quantiles as order
 from . import _quantiles_cuda as cuda
-from .slopes import tall
+from ._stacks import tall
 
 
 def find_limits(

@@ -3,25 +3,21 @@
 Images are (H, W), or (N, H, W) of a stack, whose rows kernels see as those of one image.
 """
 
-from typing import Any
-
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_each, view
+from cvkern.kernels.warp._launch import launch, launch_each, scratch
 
 from . import _slopes as pixels
+from ._stacks import tall
 
 
-def tall(image: wp.array, dtype: Any = wp.float32) -> wp.array:
-    """View the rows of all images of a stack as those of one image."""
-    if image.ndim == 2:
-        return image
-    return view(image, dtype, (image.shape[0] * image.shape[1], image.shape[2]))
-
-
-def cover(image: wp.array, mask: wp.array, covered: wp.array, weight: wp.array) -> None:
-    """Set masked pixels to 0, and write the weights 1 and, for masked pixels, 0."""
-    inputs = [tall(image), tall(mask, wp.uint8)]
+def cover(image: wp.array, mask: wp.array | None, covered: wp.array, weight: wp.array) -> None:
+    """Set masked pixels, if any, to 0, and write the weights 1 and, for masked pixels, 0."""
+    masked = mask is not None
+    given = (
+        tall(mask, wp.uint8) if masked else scratch("cover.mask", (1, 1), wp.uint8, image.device)
+    )
+    inputs = [tall(image), masked, given]
     launch_each(pixels.cover, image.size, image.size, inputs, [tall(covered), tall(weight)])
 
 
@@ -38,7 +34,11 @@ def recover_frame(
     inputs = [rows, columns, cval]
     image = tall(image)
     if image.device.is_cuda:
-        launch(pixels.recover_frame, image.shape, inputs, [image])
+        height, width = rows.shape[0], image.shape[1]
+        outer, beside = min(2 * reach, height), min(2 * reach, width)
+        pixels_of_frame = outer * width + (height - outer) * beside
+        count = image.shape[0] // height * pixels_of_frame
+        launch(pixels.recover_frame, count, [*inputs, reach, outer, beside], [image])
         return
     height, width = image.shape
     elements = 2 * reach * (height + width)

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
 from cvkern.kernels.warp._sums import scan
 
+from . import _marks_cuda as cuda
 from ._levels import BITS, place_of, table
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -22,8 +23,12 @@ def count_marks(octaves: Sequence[wp.array], words: wp.array, ends: wp.array) ->
 def list_marks(
     octaves: Sequence[wp.array], words: wp.array, ends: wp.array, cells: wp.array
 ) -> None:
-    """List octave, level, row and column of the marks; one thread a row."""
+    """List octave, level, row and column of the marks; a thread or a warp a row."""
     rows = ends.shape[0]
+    if ends.device.is_cuda:
+        inputs = [table(octaves), words, ends]
+        launch(cuda.list_rows, cuda.LANES * rows, inputs, [cells], BLOCK)
+        return
     launch_each(_list, rows, 32 * words.size, [table(octaves), words, ends], [cells])
 
 

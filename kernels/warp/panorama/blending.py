@@ -27,7 +27,6 @@ def add_band(
     fine: wp.array,
     coarse: wp.array,
     last: int,
-    weights: wp.array,
     top: int,
     left: int,
     totals: wp.array,
@@ -35,10 +34,11 @@ def add_band(
 ) -> None:
     """Add weights times (fine - enlarged coarse) to a part of the totals; one thread a pixel.
 
-    The `last` band is the fine image itself. The weights are added to the sums.
+    The plane of `fine` behind the colours has the weights, which are added to the sums. The `last`
+    band is the fine image itself.
     """
-    inputs = [fine, coarse, last, weights, top, left]
-    launch_each(_add_band, weights.size, weights.size * 8, inputs, [totals, sums])
+    inputs, pixels = [fine, coarse, last, top, left], fine.shape[1] * fine.shape[2]
+    launch_each(_add_band, pixels, pixels * 8, inputs, [totals, sums])
 
 
 def collapse(sums: wp.array, coarse: wp.array, last: int, values: wp.array) -> None:
@@ -147,24 +147,24 @@ def _add_band(
     stride: int,
     first: int,
     last_item: int,
-    fine: wp.array3d[float],  # (C, h, w)
-    coarse: wp.array3d[float],  # (C, h / 2, w / 2)
+    fine: wp.array3d[float],  # (C + 1, h, w)
+    coarse: wp.array3d[float],  # (C + 1, h / 2, w / 2)
     last: int,
-    weights: wp.array2d[float],  # (h, w)
     top: int,
     left: int,
     # outputs
     totals: wp.array3d[float],  # (C, H, W)
     sums: wp.array2d[float],  # (H, W)
 ):
-    width = weights.shape[1]
+    width = fine.shape[2]
+    channels = totals.shape[0]
     for item in range(first + wp.tid(), last_item, stride):
         i = item // width
         j = item - i * width
-        weight = weights[i, j]
+        weight = fine[channels, i, j]
         if weight > 0.0:
             sums[top + i, left + j] += weight
-            for c in range(fine.shape[0]):
+            for c in range(channels):
                 band = fine[c, i, j]
                 if last == 0:
                     band -= enlarged(coarse, c, i, j)

@@ -12,16 +12,17 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.codes.raw import GREYS, MOVES, SLOTS
+from cvkern.kernels.codes.raw import GREYS, GROUP, MOVES, PARTS
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 from cvkern.kernels.warp._order import ordered
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
 _THREADS = 2**16  # threads of CUDA that count
-_SLOTS, _TOP, _MOVES = wp.constant(SLOTS), wp.constant(GREYS - 1), wp.constant(len(MOVES))
+_PARTS, _TOP, _MOVES = wp.constant(PARTS), wp.constant(GREYS - 1), wp.constant(len(MOVES))
+_GROUP = wp.constant(GROUP)
 _Each = wp.types.vector(len(MOVES), wp.int32)
 _DOWN, _ALONG = (wp.constant(_Each(*steps)) for steps in zip(*MOVES, strict=True))
 
@@ -55,24 +56,40 @@ def count(levels: wp.array, counts: wp.array) -> None:
     launch_each(_count, images * each, levels.size, [levels, each], [counts])
 
 
+def medians(counts: wp.array, found: wp.array) -> None:
+    """Write the lower median of each image's levels, of which `counts` (K, GREYS) tell."""
+    shape = (counts.shape[0], GREYS // GROUP)
+    parts = scratch("alignment.parts", shape, wp.int32, counts.device)
+    launch_each(_add_up, parts.size, counts.size, [counts], [parts])
+    launch_each(_medians, found.size, found.size, [counts, parts], [found])
+
+
 def split(levels: wp.array, medians: wp.array, noise: int, sides: wp.array) -> None:
     """Write 2 above the median of (K, N) levels, 1 below, 0 within `noise` of it."""
     launch_each(_split, levels.size, levels.size, [levels, medians, noise], [sides])
 
 
-def compare(sides: wp.array, k: int, fixed: int, dy: int, dx: int, sums: wp.array) -> None:
-    """Count where image k, moved by (dy, dx) and one of MOVES, is on the other side.
+def compare(sides: wp.array, fixed: int, shifts: wp.array, sums: wp.array) -> None:
+    """Count where each image, moved by its shift doubled and one of MOVES, is on the other side.
 
-    The counts of a move are spread over SLOTS sums.
+    The counts of a move are spread over PARTS sums, (K, PARTS, MOVES), which are 0 before.
     """
-    _, height, width = sides.shape
-    inputs = [sides, k, fixed, dy, dx]
+    images, height, width = sides.shape
     if sides.device.is_cuda:
-        threads = min(_THREADS, height * width)
-        launch(_compare, threads, [threads, *inputs], [sums])
-    else:
-        count = min(slabs(height, 9 * height * width), SLOTS)
-        launch_slabs(_compare_rows, height, count, inputs, [sums])
+        threads = min(_THREADS // 4, height * width)
+        launch(_compare, (images, threads), [threads, sides, fixed, shifts], [sums])
+        return
+    count = min(slabs(height, 9 * height * width), PARTS)
+    for k, (dy, dx) in enumerate((2 * shifts.numpy()).tolist()):
+        launch_slabs(_compare_rows, height, count, [sides, k, fixed, dy, dx], [sums[k]])
+
+
+def choose(sums: wp.array, height: int, width: int, shifts: wp.array) -> None:
+    """Double each shift and add the move with the smallest share of pixels that differ.
+
+    On a tie it is the first of MOVES; without common pixels, none.
+    """
+    launch_each(_choose, shifts.shape[0], sums.size, [sums, height, width], [shifts])
 
 
 @_native.func_native("_alignment_cpu.h", MOVES=len(MOVES))
@@ -193,6 +210,54 @@ def _count(
 
 
 @wp.kernel
+def _add_up(
+    stride: int,
+    first: int,
+    last: int,
+    counts: wp.array2d[int],
+    # outputs
+    parts: wp.array2d[int],
+):
+    for item in range(first + wp.tid(), last, stride):
+        k = item // parts.shape[1]
+        g = item - k * parts.shape[1]
+        total = int(0)
+        for i in range(_GROUP):
+            total += counts[k, g * _GROUP + i]
+        parts[k, g] = total
+
+
+@wp.kernel
+def _medians(
+    stride: int,
+    first: int,
+    last: int,
+    counts: wp.array2d[int],
+    parts: wp.array2d[int],
+    # outputs
+    found: wp.array[int],
+):
+    for k in range(first + wp.tid(), last, stride):
+        total = wp.int64(0)
+        for g in range(parts.shape[1]):
+            total += wp.int64(parts[k, g])
+        group = int(0)
+        level = int(0)
+        below = wp.int64(0)
+        rest = wp.int64(0)
+        for g in range(parts.shape[1]):
+            below += wp.int64(parts[k, g])
+            if below + below < total:
+                group = g + 1
+                rest = below
+        for i in range(_GROUP):
+            rest += wp.int64(counts[k, group * _GROUP + i])
+            if rest + rest < total:
+                level = i + 1
+        found[k] = group * _GROUP + level
+
+
+@wp.kernel
 def _split(
     stride: int,
     first: int,
@@ -219,17 +284,18 @@ def _split(
 def _compare(
     stride: int,
     sides: wp.array3d[wp.uint8],
-    k: int,
     fixed: int,
-    dy: int,
-    dx: int,
+    shifts: wp.array2d[int],
     # outputs
-    sums: wp.array2d[int],
+    sums: wp.array3d[int],
 ):
+    k, begin = wp.tid()
     height = sides.shape[1]
     width = sides.shape[2]
+    dy = 2 * shifts[k, 0]
+    dx = 2 * shifts[k, 1]
     found = _Each()
-    for i in range(wp.tid(), height * width, stride):
+    for i in range(begin, height * width, stride):
         y = i // width
         x = i - y * width
         there = int(sides[fixed, y, x])
@@ -240,6 +306,37 @@ def _compare(
                 if v >= 0 and v < height and u >= 0 and u < width:
                     if int(sides[k, v, u]) + there == 3:
                         found[n] += 1
-    slot = wp.tid() % _SLOTS
     for n in range(_MOVES):
-        wp.atomic_add(sums, slot, n, found[n])
+        wp.atomic_add(sums, k, begin % _PARTS, n, found[n])
+
+
+@wp.kernel
+def _choose(
+    stride: int,
+    first: int,
+    last: int,
+    sums: wp.array3d[int],
+    height: int,
+    width: int,
+    # outputs
+    shifts: wp.array2d[int],
+):
+    for k in range(first + wp.tid(), last, stride):
+        dy = 2 * shifts[k, 0]
+        dx = 2 * shifts[k, 1]
+        best = int(0)
+        off = wp.int64(0)
+        size = wp.int64(0)
+        for n in range(_MOVES):
+            differ = wp.int64(0)
+            for part in range(_PARTS):
+                differ += wp.int64(sums[k, part, n])
+            tall = wp.int64(wp.max(height - wp.abs(dy + _DOWN[n]), 0))
+            common = tall * wp.int64(wp.max(width - wp.abs(dx + _ALONG[n]), 0))
+            if common > wp.int64(0):
+                if size == wp.int64(0) or differ * size < off * common:
+                    best = n
+                    off = differ
+                    size = common
+        shifts[k, 0] = dy + _DOWN[best]
+        shifts[k, 1] = dx + _ALONG[best]

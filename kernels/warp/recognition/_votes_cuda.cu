@@ -1,5 +1,5 @@
 // needs THREADS, ONE, DEEPEST
-// Move a maximum to a mode by mean shift, a block a maximum; votes.py has the rule.
+// Move a maximum to a mode by mean shift, a block a maximum; modes.py has the rule.
 //
 // The kernel ONE - ONE d^2 / r^2 - deep of a vote, quotients rounded down, is above 0 if d^2 is
 // below (ONE - deep) r^2 / ONE, rounded up. That limit depends on the distance in scale alone.
@@ -127,7 +127,7 @@ void cast(Ballot ballot, wp::array_t<wp::uint64> cells, wp::array_t<int> votes) 
 }
 
 // needs THREADS, NOBODY
-// List the largest maxima in their order, in one block; votes.py has the rule.
+// List the largest maxima in their order, in one block; modes.py has the rule.
 //
 // Bisection finds the largest value that enough maxima have. Each thread then lists a part of them.
 void select(wp::array_t<int> maxima, wp::array_t<int> highest) {

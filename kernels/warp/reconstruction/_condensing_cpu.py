@@ -1,4 +1,7 @@
-"""Equations of the views without points, on the CPU: a parameter of a view at a time."""
+"""The Schur complement of bundle adjustment on the CPU: a row of the blocks of a view at a time.
+
+The Taichi set has the equations. A thread takes parameters of views.
+"""
 
 import warp as wp
 

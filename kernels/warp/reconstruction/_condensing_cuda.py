@@ -1,7 +1,8 @@
-"""Equations of the views without points, on CUDA: a thread a number of a block.
+"""The Schur complement of bundle adjustment on CUDA: one thread computes one number of a block.
 
-A block has the parameters of a view by those of another. The points that both see are found by
-going through the sightings of both in the order of the points. All sums have the order of the CPU.
+The Taichi set has the equations. A block S_cd has the parameters of a view by those of another. Its
+thread finds the points that both views see by going through the sightings of both at once, which
+are in the order of the points. All sums have the order of the CPU.
 """
 
 import warp as wp
@@ -25,11 +26,12 @@ def condense(
     size = condensed.right.shape[1]
     # The threads of a block are whole warps, which go through its sightings together.
     threads = -(-size * size // WARP) * WARP
-    inputs = [*slopes, seen, *eliminated]
+    inputs = [slopes.slopes, slopes.weights, seen, eliminated.inverses]
     count = blocks.views.shape[0] * threads
     launch(_fill_blocks, count, [*inputs, blocks.views, threads], [condensed.system], threads)
     own = condensed.right.shape[0] * threads
     launch(_fill_own, own, [*inputs, blocks.number, threads], [condensed.system], threads)
+    inputs = [*slopes, seen, eliminated.pulls]
     launch(_gather, condensed.right.size, inputs, [*condensed[1:]], WARP)
 
 
@@ -42,7 +44,7 @@ def ahead(
     p: int,
     r: int,
 ) -> wp.vec3d:
-    """Return what a parameter of a view does to a point, times the inverse of its equations."""
+    """Return V_p^-1 w A^T b for sighting `o` of point `p`, where b is column `r` of B."""
     w = weights[o]
     up = w * slopes[o, 0, 3 + r]
     down = w * slopes[o, 1, 3 + r]
@@ -58,7 +60,7 @@ def ahead(
 
 @wp.func
 def back(slopes: wp.array3d[f64], weights: wp.array[f64], q: int, s: int, i: wp.vec3d) -> f64:
-    """Return what this does to another parameter that sees the point."""
+    """Return w b^T A i for sighting `q`: b is column `s` of its B, and `i` comes from `ahead`."""
     w = weights[q]
     up = w * (slopes[q, 0, 0] * i[0] + slopes[q, 0, 1] * i[1] + slopes[q, 0, 2] * i[2])
     down = w * (slopes[q, 1, 0] * i[0] + slopes[q, 1, 1] * i[1] + slopes[q, 1, 2] * i[2])
@@ -68,11 +70,9 @@ def back(slopes: wp.array3d[f64], weights: wp.array[f64], q: int, s: int, i: wp.
 @wp.kernel
 def _fill_blocks(
     slopes: wp.array3d[f64],
-    gaps: wp.array2d[f64],
     weights: wp.array[f64],
     seen: Seen,
     inverses: wp.array2d[f64],
-    pulls: wp.array2d[f64],
     views: wp.array2d[int],
     threads: int,
     # outputs
@@ -117,7 +117,7 @@ def own_part(
     r: int,
     s: int,
 ) -> wp.vec2d:
-    """Return the two numbers of a sighting that the block of its view with itself sums."""
+    """Return both terms of a sighting in the block of its view with itself: w B^T B, and V's."""
     o = seen.order[place]
     p = seen.ends[o, 2]
     w = weights[o]
@@ -132,11 +132,9 @@ def own_part(
 @wp.kernel
 def _fill_own(
     slopes: wp.array3d[f64],
-    gaps: wp.array2d[f64],
     weights: wp.array[f64],
     seen: Seen,
     inverses: wp.array2d[f64],
-    pulls: wp.array2d[f64],
     number: wp.array2d[int],
     threads: int,
     # outputs
@@ -198,7 +196,6 @@ def _gather(
     gaps: wp.array2d[f64],
     weights: wp.array[f64],
     seen: Seen,
-    inverses: wp.array2d[f64],
     pulls: wp.array2d[f64],
     # outputs
     right: wp.array2d[f64],

@@ -49,11 +49,12 @@ void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t
     }
 }
 
-// Consensus, or least squares of a window of ranks. Sums are float32. Each solution but the first is
+// Consensus, least absolute residuals, or least squares of a window of ranks. The values of a pixel are kept in the order of
+// their ranks, so that a window is a part of them. Sums are float32. Each solution but the first is
 // the last one and a correction, which follows from what that leaves: so rounding hardly counts.
-// needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR
+// needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR, L1, CONSENSUS
 void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::array_t<float> lights,
-                wp::array_t<float> windows, int consensus, int sweeps, wp::array_t<float> normals,
+                wp::array_t<float> windows, int method, int sweeps, wp::array_t<float> normals,
                 wp::array_t<float> albedo, wp::array_t<float> residual) {
     __shared__ float kept[KEPT];
     __shared__ unsigned char order[KEPT];
@@ -68,17 +69,15 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
     const size_t here = (size_t)blockIdx.x * threads + threadIdx.x;
     if (here >= plane) return;
     float* own = kept + threadIdx.x;
-    unsigned char* rank = order + threadIdx.x;
+    unsigned char* image = order + threadIdx.x;  // the image of each value
     int number = 0, dark = 0;  // images that count, and those of them that are not above 0
     float brightest = 0.0f;
 #pragma unroll 8
     for (int k = 0; k < count; ++k) {
         const float value = __ldg(images.data + k * plane + here) * lamps[k].w;
         const int r = __ldg(ranks.data + k * plane + here);
-        // What is left out is finite, and beyond all ranks.
-        own[k * threads] = r == LEFT_OUT ? 0.0f : value;
-        rank[k * threads] = r == LEFT_OUT ? 255 : r;
         if (r == LEFT_OUT) continue;
+        own[r * threads] = value, image[r * threads] = k;
         ++number;
         dark += !(value > 0.0f);
         brightest = fmaxf(brightest, value);
@@ -89,13 +88,12 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
         int low = (int)floorf(windows.data[2 * m] * (float)number + 0.5f);
         int high = (int)floorf(windows.data[2 * m + 1] * (float)number + 0.5f);
         // Ranks run from 0 to the number. The darkest do not count for a consensus.
-        const int least = consensus ? dark : 0;
+        const int least = method == CONSENSUS ? dark : 0;
         if (high - max(low, least) < 4) {  // too few to tell their spread
             low = 0;
             high = number;
         }
         low = max(low, least);
-        const unsigned size = max(high - low, 0);
         double s[3] = {0.0, 0.0, 0.0}, spread = 0.0, turn = 0.0;
         // A rule of one sweep has a second one, for its correction.
         const int last = sweeps > 0 ? sweeps : 1;
@@ -105,18 +103,18 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
             float xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
             float bx = 0.0f, by = 0.0f, bz = 0.0f, squares = 0.0f, weights = 0.0f;
 #pragma unroll 4
-            for (int k = 0; k < count; ++k) {
-                const float4 light = lamps[k];
+            for (int k = low; k < high; ++k) {
+                const float4 light = lamps[image[k * threads]];
                 const float shown = light.x * x + light.y * y + light.z * z;
                 const float off = own[k * threads] - shown;
                 float weight = 1.0f;
-                if (consensus && sweep > 0 && scale > 0.0f) {
-                    const float ratio = fabsf(off) * scale;
+                const float ratio = fabsf(off) * scale;
+                if (method == CONSENSUS && sweep > 0 && scale > 0.0f) {
                     weight = shown > 0.0f ? __fdividef(1.0f, 1.0f + ratio * ratio) : 0.0f;
                     weight += (float)FLOOR;
+                } else if (method == L1 && sweep > 0 && scale > 0.0f) {
+                    weight = __fdividef(1.0f, fmaxf(ratio, 1e-3f));
                 }
-                // A value that is not in the window has no weight.
-                if ((unsigned)(rank[k * threads] - low) >= size) weight = 0.0f;
                 const float wx = weight * light.x, wy = weight * light.y, wz = weight * light.z;
                 xx += wx * light.x;
                 xy += wx * light.y;
@@ -172,9 +170,8 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
         normals.data[3 * here + n] = told ? (float)(mean[n] / length) : none;
     albedo.data[here] = told ? (float)(strength / total) : 0.0f;
     float squares = 0.0f;
-    for (int k = 0; told && k < count; ++k) {
-        if (rank[k * threads] == 255) continue;
-        const float4 light = lamps[k];
+    for (int k = 0; told && k < number; ++k) {
+        const float4 light = lamps[image[k * threads]];
         const float shown = albedo.data[here] * (light.x * normals.data[3 * here] +
                                                  light.y * normals.data[3 * here + 1] +
                                                  light.z * normals.data[3 * here + 2]);

@@ -36,13 +36,15 @@ def rank_kept(
     MOST=MOST,
     RIDGE=codes.RIDGE,
     FLOOR=codes.FLOOR,
+    L1=int(codes.Photometric.L1),
+    CONSENSUS=int(codes.Photometric.CONSENSUS),
 )
 def weigh_kept(
     images: wp.array3d[float],
     ranks: wp.array3d[wp.uint16],
     lights: wp.array2d[float],
     windows: wp.array2d[float],
-    consensus: int,
+    method: int,
     sweeps: int,
     # outputs
     normals: wp.array3d[float],

@@ -1,9 +1,9 @@
 """Normals and albedo of pixels seen under several lights, in Warp.
 
-The Taichi set has the equations. Least squares take 64 pixels at once on the CPU; on CUDA one pixel
-a thread, whose values stay in registers if there are not too many images. Robust rules take
-eight pixels at once on the CPU (`_photometry_cpu.h`), and one a thread on CUDA: `_robust_cuda.cu`
-under distant lights.
+The Taichi set has the equations. On the CPU, least squares take 64 pixels at once, and robust rules
+eight (`_photometry_cpu.h`). On CUDA a thread takes a pixel: its values stay in registers for least
+squares (`_photometry_cuda.cu`), and in shared memory for robust rules under distant lights
+(`_robust_cuda.cu`), if there are not too many images.
 """
 
 import warp as wp
@@ -198,15 +198,13 @@ def weigh(
     """
     inputs = [images, ranks, lights, depth, windows, wp.vec2i(weighing.method, weighing.sweeps)]
     outputs = [normals, albedo, residual]
-    count, consensus = images.shape[0], weighing.method == codes.Photometric.CONSENSUS
-    short = consensus or weighing.method == codes.Photometric.TRIMMED
-    if albedo.device.is_cuda and short and depth.shape[0] == 0 and threads_for(count):
+    count, bayes = images.shape[0], weighing.method == codes.Photometric.SPARSE_BAYES
+    if albedo.device.is_cuda and not bayes and depth.shape[0] == 0 and threads_for(count):
         threads = threads_for(count)
-        given = [images, ranks, lights, windows, int(consensus), weighing.sweeps]
+        given = [images, ranks, lights, windows, weighing.method, weighing.sweeps]
         blocks = -(-albedo.size // threads)
         launch(weigh_kept, blocks * threads, given, outputs, threads)
     elif albedo.device.is_cuda:
-        bayes = weighing.method == codes.Photometric.SPARSE_BAYES
         shape = tuple(images.shape) if bayes else (1, 1, 1)
         variances = scratch("shading.variances", shape, wp.float32, images.device)
         launch(_weigh, albedo.size, inputs, [*outputs, variances])

@@ -46,47 +46,47 @@ void decode_quad(wp::array_t<TYPE> frames, int begin, int bits, int size, float 
         Codes::store(code + i, first + i, plane, joins, codes.data, valid.data);
 }
 
-// needs NONE
+// needs NONE, AHEAD
 // The same for bytes and at most 16 bits: four pixels a thread, and halves of a word are two of them.
-// All frames are asked for before the first of them is used.
 void decode_bytes(wp::array_t<wp::uint8> frames, int begin, int bits, int size, float margin,
                   bool joins, wp::array_t<int> codes, wp::array_t<wp::uint8> valid) {
-    enum { MOST_BITS = 16 };
     const unsigned HALVES = 0x00ff00ffu;
     const size_t plane = (size_t)codes.shape[0] * codes.shape[1];
     const size_t first = ((size_t)blockIdx.x * blockDim.x + threadIdx.x) * 4;
     if (first >= plane) return;
-    const wp::uint8* from = frames.data + begin * plane + first;
-    unsigned pattern[MOST_BITS], inverse[MOST_BITS];
-    if (plane % 4 == 0 && (size_t)frames.data % 4 == 0) {
-#pragma unroll
-        for (int k = 0; k < MOST_BITS; ++k) {
-            const unsigned* words = (const unsigned*)(from + 2 * k * plane);
-            pattern[k] = k < bits ? *words : 0;
-            inverse[k] = k < bits ? words[plane / 4] : 0;
-        }
-    } else {
-        const int count = plane - first < 4 ? (int)(plane - first) : 4;
-#pragma unroll
-        for (int k = 0; k < MOST_BITS; ++k) {
-            pattern[k] = inverse[k] = 0;
-            for (int i = 0; i < count && k < bits; ++i) {
-                pattern[k] |= (unsigned)from[2 * k * plane + i] << 8 * i;
-                inverse[k] |= (unsigned)from[(2 * k + 1) * plane + i] << 8 * i;
-            }
-        }
-    }
     unsigned least[2] = {HALVES, HALVES}, code[2] = {0, 0};
-#pragma unroll
-    for (int k = 0; k < MOST_BITS; ++k) {
-        if (k >= bits) break;
-        const unsigned p = pattern[k], q = inverse[k], apart = __vabsdiffu4(p, q);
+    const auto take = [&](unsigned p, unsigned q) {
+        const unsigned apart = __vabsdiffu4(p, q);
 #pragma unroll
         for (int i = 0; i < 2; ++i) {
             least[i] = __vminu2(least[i], apart >> 8 * i & HALVES);
             // Bit 8 of a half: the inverse is at least as bright.
             const unsigned dark = (q >> 8 * i & HALVES) + 0x01000100u - (p >> 8 * i & HALVES);
             code[i] = 2 * code[i] + (dark >> 8 & 0x00010001u);
+        }
+    };
+    const wp::uint8* from = frames.data + begin * plane + first;
+    if (plane % 4 == 0 && (size_t)frames.data % 4 == 0) {
+        const unsigned* words = (const unsigned*)from;
+        const size_t step = plane / 4;
+        int k = 0;
+        // The frames of AHEAD bits are asked for before the first of them is used.
+        for (; k + AHEAD <= bits; k += AHEAD, words += 2 * AHEAD * step) {
+            unsigned p[AHEAD], q[AHEAD];
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n)
+                p[n] = words[2 * n * step], q[n] = words[(2 * n + 1) * step];
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n) take(p[n], q[n]);
+        }
+        for (; k < bits; ++k, words += 2 * step) take(words[0], words[step]);
+    } else {
+        const int count = plane - first < 4 ? (int)(plane - first) : 4;
+        for (int k = 0; k < bits; ++k, from += 2 * plane) {
+            unsigned p = 0, q = 0;
+            for (int i = 0; i < count; ++i)
+                p |= (unsigned)from[i] << 8 * i, q |= (unsigned)from[plane + i] << 8 * i;
+            take(p, q);
         }
     }
     const int most = margin < 255.0f ? (int)margin : 255;  // margins are not negative

@@ -16,6 +16,7 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 wp.set_module_options({"enable_backward": False})
 
 _QUAD = 8  # pixels of a thread on CUDA
+_AHEAD = 6  # bits whose frames are read at once there, of bytes
 
 
 def decode(
@@ -126,7 +127,7 @@ def _decode_cuda(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _decode_bytes_cuda() -> wp.Kernel:
-    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, NONE=NONE)
+    @_native.kernel("_gray_code_cuda.cu", {"enable_backward": False}, NONE=NONE, AHEAD=_AHEAD)
     def decode_bytes(
         frames: wp.array3d[wp.uint8],
         begin: int,

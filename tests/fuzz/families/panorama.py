@@ -92,9 +92,27 @@ def round_trip(points: Any, colors: Any, format: Any, images: Any) -> Any:
         return cvkern.read_reconstruction(folder).points if "colmap" in format else None
 
 
+def first(draw: Draw) -> Any:
+    """Return a texture, or any image."""
+    if draw.odd(0.3):
+        return (image if draw.odd(0.6) else channels)(draw)
+    return (255 * np.kron(draw.rng.random((9, 14)), np.ones((8, 8)))).astype("uint8")
+
+
 RANGE: dict[str, Maker] = {"data_range": maybe(number(0.5, 300))}
 CALLS: dict[str, Call] = {
     "recognize_panoramas": Call(cvkern.recognize_panoramas, {"images": heap}, RANGE),
+    "match_photographs": Call(
+        cvkern.match_photographs,
+        {"image0": first, "image1": first},
+        {
+            **RANGE,
+            "threshold": number(0.1, 20),
+            "max_keypoints": whole(0, 90),
+            "max_ratio": number(0.5, 1.1),
+            "seed": whole(-1, 9),
+        },
+    ),
     "stitch": Call(
         cvkern.stitch,
         {"images": heap},

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.radiance import AdamRule, Learnt, Rays, Seen
+from cvkern.kernels.codes.radiance import AdamRule, Learnt, Rays, Seen, Shine
 from cvkern.radiance.rendering import owned
 from tests.radiance.fields.reference_planes import logistic, render, value
 
-RAYS, SHAPE = 40, (5, 7, 9)
+RAYS, ACTIVE, SHAPE = 40, 38, (5, 7, 9)
+SHARED, REACH = 3, 2.0  # planes that share coefficients, and the unit of offsets, texels
 TURN = 0.1
 PLACE = np.array([
     np.cos(TURN), 0, -np.sin(TURN), 0.1, 0, 1, 0, 0.05, np.sin(TURN), 0, np.cos(TURN), 0.2,
@@ -36,7 +37,8 @@ class Case:
             rng.normal(size=(RAYS, 3)), rng.normal(size=RAYS), rng.normal(size=RAYS) / 4,
         ]  # fmt: skip
         # The kernels get numbers in float32, so the reference starts from these.
-        for name in ("texels", "disparities", "origins", "directions"):
+        self.maps = rng.normal(0, 0.3, (2, (SHAPE[1] - 1) // 2 + 2, (SHAPE[2] - 1) // 2 + 2, 15))
+        for name in ("texels", "disparities", "origins", "directions", "maps"):
             setattr(self, name, getattr(self, name).astype(np.float32).astype(np.float64))
 
     def arrays(self, rt, active=RAYS):
@@ -48,15 +50,19 @@ class Case:
         planes = np.concatenate((PLACE, self.disparities)).astype(np.float32)
         return rays, owned(rt, planes)
 
-    def truth(self, texels=None, stop=0.0):
+    def truth(self, texels=None, stop=0.0, maps=None):
         texels = self.texels if texels is None else texels
         place = PLACE.astype(np.float32).astype(np.float64)
-        return render(self.origins, self.directions, self.disparities, place, texels, stop)
+        shine = None if maps is None else (maps, SHARED, REACH)
+        return render(self.origins, self.directions, self.disparities, place, texels, stop, shine)
+
+    def shine(self, rt):
+        return Shine(owned(rt, self.maps.astype(np.float32)), SHARED, REACH)
 
 
-def seen_by(rt, case, texels, stop=0.0):
+def seen_by(rt, case, texels, stop=0.0, shine=None):
     seen = Seen(rt.zeros((RAYS, 3)), rt.zeros((RAYS,)), rt.zeros((RAYS,)))
-    rt.radiance.fields.planes.rays.render(*case.arrays(rt), texels, stop, seen)
+    rt.radiance.fields.planes.rays.render(*case.arrays(rt), texels, shine, stop, 0, seen)
     return seen
 
 
@@ -100,8 +106,66 @@ def gradient(rt, case, stop=0.0, active=RAYS):
     seen, sums = seen_by(rt, case, texels, stop), rt.zeros(case.texels.shape)
     given = Seen(*(owned(rt, g.astype(np.float32)) for g in case.gradients))
     rays, planes = case.arrays(rt, active)
-    rt.radiance.fields.planes.rays.render_backward(given, rays, planes, texels, stop, seen, sums)
+    rt.radiance.fields.planes.rays.render_backward(
+        given, rays, planes, texels, None, stop, seen, sums, None
+    )
     return rt.to_numpy(sums)
+
+
+@pytest.mark.usefixtures("backend")
+def test_colours_depend_on_the_side():
+    rt, case = runtime(), Case(3)
+    texels = owned(rt, case.texels.astype(np.float32))
+    seen = seen_by(rt, case, texels, shine=case.shine(rt))
+    wanted = case.truth(maps=case.maps)
+    assert np.abs(wanted[0] - case.truth()[0]).max() > 0.1
+    for found, truth in zip(seen, wanted, strict=True):
+        np.testing.assert_allclose(rt.to_numpy(found), truth, atol=CLOSE)
+    words = np.round(255 * case.texels).astype(np.uint8)
+    small = owned(rt, np.ascontiguousarray(words).view("<u4")[..., 0].astype(np.uint32))
+    seen = seen_by(rt, case, small, shine=case.shine(rt))
+    wanted = case.truth(words / 255, maps=case.maps)
+    np.testing.assert_allclose(rt.to_numpy(seen.color), wanted[0], atol=0.02)  # see below
+
+
+def shine_gradients(rt, case, dtype=np.float32):
+    """Return the gradients by texels and by coefficients."""
+    texels = owned(rt, case.texels.astype(np.float32))
+    shine, given = case.shine(rt), Seen(*(owned(rt, g.astype(np.float32)) for g in case.gradients))
+    seen = seen_by(rt, case, texels, shine=shine)
+    sums = rt.zeros(case.texels.shape, dtype), rt.zeros(case.maps.shape, dtype)
+    rays, planes = case.arrays(rt, ACTIVE)
+    rt.radiance.fields.planes.rays.render_backward(
+        given, rays, planes, texels, shine, 0.0, seen, *sums
+    )
+    return [rt.to_numpy(a).copy() for a in sums]
+
+
+@pytest.mark.usefixtures("backend")
+def test_gradients_by_the_side_are_central_differences():
+    case = Case(3)
+    found = shine_gradients(runtime(), case)
+
+    def loss(texels, maps):
+        seen = case.truth(texels, maps=maps)
+        return sum((g * a)[:ACTIVE].sum() for g, a in zip(case.gradients, seen, strict=True))
+
+    rng, step = np.random.default_rng(1), 1e-6
+    for at, gradient in enumerate(found):
+        touched = np.argwhere(gradient != 0)
+        assert len(touched) > 300
+        for index in map(tuple, touched[rng.choice(len(touched), 20, replace=False)]):
+            ends = []
+            for e in (step, -step):
+                arrays = [case.texels.copy(), case.maps.copy()]
+                arrays[at][index] += e
+                ends.append(loss(*arrays))
+            wanted = (ends[0] - ends[1]) / (2 * step)
+            assert gradient[index] == pytest.approx(wanted, rel=1e-4, abs=1e-5), index
+    # Coefficients act linearly: <g, J v> = <J^T g, v>.
+    change = rng.normal(size=case.maps.shape)
+    forward = loss(case.texels, case.maps + change) - loss(case.texels, case.maps)
+    assert (found[1] * change).sum() == pytest.approx(forward, rel=1e-5)
 
 
 @pytest.mark.usefixtures("backend")

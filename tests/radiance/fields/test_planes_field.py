@@ -104,6 +104,35 @@ def test_files(scene, model, tmp_path):
             load_model(tmp_path / "cut.npz")
 
 
+def test_colours_that_depend_on_the_side(tmp_path, monkeypatch):
+    """A wall whose brightness follows the camera's place, as no colours of texels can."""
+    wall = make_scene(train=12, test=2, size=32, layout="forward")
+    aside = wall.cameras.poses[:, :, 3] @ wall.cameras.poses[:, :, 0].mean(axis=0)
+    gain = 1 + 0.3 * (aside - aside.mean()) / np.abs(aside - aside.mean()).max()
+    images = wall.images.copy()
+    shown = images[..., :3] * gain[:, None, None, None]
+    images[..., :3] = np.round(shown).clip(0, 255)
+    lit = replace(wall, images=images)
+    plain = PlanesField(planes=8, rays=1024)
+    shiny, options = replace(plain, basis=2, shared=4), {"steps": 60, "progress": False}
+    seen = [evaluate(fit(lit, field, **options), lit).psnr.mean() for field in (plain, shiny)]
+    assert seen[1] > seen[0] + 0.5
+    file = tmp_path / "model.npz"
+    straight = fit(lit, shiny, **options)
+    with monkeypatch.context() as patch:
+        interrupt(patch, 21, press_ctrl_c)
+        fit(lit, shiny, checkpoint=file, **options)
+    on = fit(lit, "planes", checkpoint=file, resume=True, **options)
+    assert same(on, straight)
+    on.save(file, resumable=False)
+    small = load_model(file)
+    assert np.abs(small.field.state()["shine.values"]).max() > 0.01
+    found, want = (render(m, lit.cameras, 1).color for m in (small, on))
+    assert np.abs(found - want).mean() < 0.01
+    with pytest.raises(ValueError, match="basis must be 0, 2 or 5, got 3"):
+        PlanesField(basis=3)
+
+
 def test_cameras_anywhere(scene, model):
     """Beyond the planes, looking back, or aside, nothing is seen; in between, what is left."""
     pose = scene.cameras.poses[0]

@@ -55,7 +55,7 @@ def on_device(rt, *arrays):
 def test_colours_are_mapped():
     rt, c = runtime(), Case()
     color, opacity, views, table = on_device(rt, c.color, c.opacity, c.views, c.table)
-    rt.radiance.appearance.apply(color, opacity, views, table, color)
+    rt.radiance.wild.appearance.apply(color, opacity, views, table, color)
     np.testing.assert_allclose(rt.to_numpy(color), c.shown(c.color, c.opacity, c.table), atol=CLOSE)
 
 
@@ -66,7 +66,7 @@ def test_gradients_are_central_differences():
     first = np.linspace(0, 1, RAYS)
     d_color, d_opacity, active = on_device(rt, c.gradients, first, np.array([ACTIVE]))
     d_table = owned(rt, np.full((IMAGES, 12), np.nan, np.float32))
-    rt.radiance.appearance.backward(
+    rt.radiance.wild.appearance.backward(
         color, opacity, views, table, active, d_color, d_opacity, rt.zeros((7, IMAGES, 12)), d_table
     )
     given = [c.color, c.opacity, c.table]

@@ -18,10 +18,10 @@ from cvkern.radiance import (
     render,
     render_path,
 )
-from cvkern.radiance.embeddings import Embedding
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.rendering import owned, photograph
 from cvkern.radiance.scenes.photographs import Bounds
+from cvkern.radiance.wild.embeddings import Embedding
 from profiling.experiments.wild_quality import changed
 from tests.radiance.runs import TINY, interrupt, press_ctrl_c, same
 
@@ -43,13 +43,13 @@ def test_gradients_are_summed_by_photographs():
     views = rng.integers(0, IMAGES - 1, RAYS)  # the last one is not seen
     d_rays, d_table = rt.zeros((RAYS, LIGHT)), owned(rt, np.full((IMAGES, LIGHT), 7, np.float32))
     active = owned(rt, np.array([ACTIVE], np.int32))
-    rt.radiance.embeddings.sum_rays(
+    rt.radiance.wild.embeddings.sum_rays(
         owned(rt, samples.astype(np.float32)), owned(rt, spans), active, d_rays
     )
     rays = np.array([samples[b : b + n].sum(0) for b, n in spans])
     rays[ACTIVE:] = 0
     np.testing.assert_allclose(rt.to_numpy(d_rays), rays, atol=1e-5)  # sums of 4 numbers up to 4
-    rt.radiance.embeddings.sum_views(
+    rt.radiance.wild.embeddings.sum_views(
         d_rays, owned(rt, views.astype(np.int32)), active, rt.zeros((7, IMAGES, LIGHT)), d_table
     )
     wanted = np.array([rays[views == view].sum(0) for view in range(IMAGES)])

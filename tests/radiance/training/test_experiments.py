@@ -5,7 +5,7 @@ import json
 import pytest
 
 from cvkern.radiance import VoxelField, make_scene
-from profiling.experiments import planes_quality, radiance_quality, radiance_steps
+from profiling.experiments import planes_quality, radiance_quality, radiance_steps, wild_quality
 
 SETTINGS = VoxelField(resolutions=(16,), shares=(), degree=1, rays=64)
 
@@ -32,6 +32,21 @@ def test_quality(tmp_path, capsys):
     assert long["rays_per_second"] > 64
     assert long["samples_per_second"] > 64
     assert f"psnr {long['psnr']}" in capsys.readouterr().out
+
+
+def test_wild(tmp_path, monkeypatch, capsys):
+    scene = make_scene(train=12, test=2, size=24)
+    grid = VoxelField(resolutions=(16,), shares=(), rays=512)
+    monkeypatch.setattr(wild_quality, "load_scene", lambda folder: scene)
+    monkeypatch.setattr(wild_quality, "suited", lambda field: grid)
+    options = ["--seconds", "1", "--changes", "occluder", "--output", str(tmp_path)]
+    assert wild_quality.main([str(tmp_path), *options]) == 0
+    told = json.loads((tmp_path / "wild_quality_lego_cpu.json").read_text())
+    plain, robust, head, trimmed = told["results"]["occluder"]
+    assert trimmed["trimmed"]
+    for row in (plain, robust, head, trimmed):
+        assert row["psnr_mapped"] > row["psnr"] - 0.05 > 15
+    assert "psnr_mapped" in capsys.readouterr().out
 
 
 def test_steps(tmp_path, capsys):

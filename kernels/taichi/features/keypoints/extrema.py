@@ -20,6 +20,7 @@ from cvkern.kernels.taichi.features._marks import count_marks, list_marks, rows_
 
 from ._paraboloid import fit
 
+any_3 = ti.types.ndarray(ndim=3)  # u8 or f32
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -28,23 +29,23 @@ f32_3 = ti.types.ndarray(dtype=ti.f32, ndim=3)
 
 @primitive
 def prepare(src: np.ndarray, scale: float, dst: np.ndarray) -> None:
-    """Grey values times `scale`; one thread a pixel."""
+    """Grey values of bytes or floats, times `scale`; one thread a pixel."""
     _prepare(src, scale, 0, dst)
 
 
 @ti.kernel
 def _prepare(
-    src: f32_3,  # (H, W, C)
+    src: any_3,  # (H, W, C)
     scale: ti.f32,
     zero: ti.i32,
     # outputs
     dst: f32_2,
 ):
     for y, x in dst:
-        v = src[y, x, 0]
+        v = ti.cast(src[y, x, 0], ti.f32)
         if src.shape[2] > 1:
-            v = product(GRAY[0], v, zero) + product(GRAY[1], src[y, x, 1], zero)
-            v = v + product(GRAY[2], src[y, x, 2], zero)
+            v = product(GRAY[0], v, zero) + product(GRAY[1], ti.cast(src[y, x, 1], ti.f32), zero)
+            v = v + product(GRAY[2], ti.cast(src[y, x, 2], ti.f32), zero)
         v = v * scale
         dst[y, x] = v if ti.abs(v) <= MOST_GRAY else 0.0  # NaN as well
 

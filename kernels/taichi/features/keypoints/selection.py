@@ -85,12 +85,6 @@ def rank(values: np.ndarray, squares: np.ndarray, count: int, ranks: np.ndarray)
     _rank(values, squares, ends, members, ranks)
 
 
-@primitive
-def add_up(counts: np.ndarray) -> None:
-    """Replace each count by the sum up to it."""
-    _add_up(counts)
-
-
 @ti.kernel
 def _clear(counts: i32_1):
     for n in counts:

@@ -11,6 +11,8 @@ import taichi as ti
 from cvkern.kernels.taichi._launch import primitive
 
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
+i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
+f64_1 = ti.types.ndarray(dtype=ti.f64, ndim=1)
 
 
 @ti.kernel
@@ -54,3 +56,20 @@ def local_maxima(
 ) -> None:
     """Mark values above the threshold that are the first largest in their window."""
     _local_maxima(values, float(threshold), min_distance, min_angle, int(wraps), mask)
+
+
+@ti.kernel
+def _take(
+    values: ti.types.ndarray(ndim=2),
+    bins: i32_2,
+    # outputs
+    taken: f64_1,
+):
+    for i in taken:
+        taken[i] = ti.cast(values[bins[i, 0], bins[i, 1]], ti.f64)
+
+
+@primitive
+def take(values: np.ndarray, bins: np.ndarray, taken: np.ndarray) -> None:
+    """Look up the values of bins (K, 2); one thread per bin."""
+    _take(values, bins, taken)

@@ -1,8 +1,9 @@
 """Demosaicing by fixed filters, in Taichi.
 
-Bilinear means of the nearest samples of a colour; or these with a share of how much the colour that
-was measured differs from the mean of its own neighbours [Malvar, He and Cutler 2004]. All weights
-are sixteenths, so that sums of integers up to 2^16 are exact. Integers are rounded half up.
+A missing colour is the mean of its nearest samples (bilinear), and for Malvar's filters a share of
+the difference is added between the measured colour and the mean of its own neighbours [Malvar, He
+and Cutler 2004]. All weights are sixteenths, so that sums of integers up to 2^16 are exact.
+Integers are rounded half up. One thread takes a pixel.
 """
 
 import numpy as np

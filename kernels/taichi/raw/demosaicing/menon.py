@@ -1,9 +1,10 @@
 """Menon's demosaicing on extended planes, in Taichi [Menon, Andriani and Calvagno 2007].
 
 Green is interpolated along rows and along columns: the mean of both neighbours, and half of the
-second difference of the colour that was measured. At each pixel the direction counts in which green
-less that colour changes less around it. Red and blue follow from the differences between colours,
-and a last pass smooths these along the direction that was chosen.
+second difference of the measured colour. A pixel takes the direction along which the difference
+between green and the measured colour changes less around it. Red and blue follow from the
+differences between colours, and a last pass smooths these along that direction. One thread takes a
+pixel.
 
 The planes are the samples, red, blue, green and the direction. Red and blue first hold the
 measured colour less green, by rows and by columns.

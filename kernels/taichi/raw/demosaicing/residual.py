@@ -1,15 +1,17 @@
 """Residual interpolation on extended planes, in Taichi.
 
-A line of pixels measures green and one other colour in turns. At pixel i, p is the sample and q the
-mean of its neighbours, of the other colour. Windows of 13 pixels, of which every second one has
-the kind that counts, each fit ``p = a q + b`` (`_fit`); the mean of the lines of all windows that
-see a pixel tells the tentative value t, and what it leaves at the samples, ``r = p - t``, is
-interpolated: the other colour at i is ``t + (r[i-1] + r[i+1]) / 2`` [Kiku et al. 2016]. Green less
-the other colour is d, for rows and for columns.
+A line of pixels measures green and one other colour in turns. At pixel i, p is the sample, and q is
+the mean of its two neighbours, which have the other colour. Each window of 13 pixels fits
+``p = a q + b`` to every second pixel (`_fit`). The mean of the lines of all windows that contain a
+pixel gives its tentative value t. The residual at the samples, ``r = p - t``, is interpolated, so
+the other colour at i is ``t + (r[i-1] + r[i+1]) / 2`` [Kiku et al. 2016]. The difference d is green
+less the other colour; rows have one, and columns another.
 
-With the energies g of the slope of d and h of the texture, in 5 x 5 pixels, d is drawn to its mean
-along the line by ``g^2 / (g^2 + SMOOTH h^2)``: texture makes the errors of d. Directions weigh as
-the square of how little d changes. Red and blue then follow from green by windows of 7 x 7.
+In 5 x 5 pixels, g is the energy of the slope of d, and h is that of the texture, which causes the
+errors of d. Of its difference from its mean along the line, d keeps the share
+``g^2 / (g^2 + SMOOTH h^2)``. Both directions are weighted by the inverse square of how much d
+changes. Red and blue then follow from green by windows of 7 x 7 pixels. One thread takes a pixel or
+a line.
 """
 
 import numpy as np

@@ -1,8 +1,8 @@
 """Equations of the edges between pixels, from normals, in Taichi.
 
-Depth z is sought whose rise along each edge, from a pixel a to b at its right or below, is what
-the normals say: least squares of ``w_a (z_b - z_a - s_a)^2 + w_b (z_b - z_a - s_b)^2``, with the
-slopes ``s = n_x / n_z`` along columns and ``-n_y / n_z`` down the rows. Poisson's weights are 1/2.
+An edge joins a pixel a to the pixel b at its right or below. The depth z has the least sum over all
+edges of ``w_a (z_b - z_a - s_a)^2 + w_b (z_b - z_a - s_b)^2``, where normals give the slopes
+``s = n_x / n_z`` along the rows and ``-n_y / n_z`` down the columns. Poisson's weights are 1/2.
 Bilateral ones are ``n_z^2`` times the share of a side, ``1 / (1 + exp(-k (d_-^2 - d_+^2)))`` for
 the side after a pixel, where ``d = n_z`` times the difference to either neighbour [Cao 2022].
 

@@ -1,8 +1,10 @@
 """Conjugate gradients, and a multigrid cycle that preconditions them, in Taichi.
 
-The cycle: two colours of a chess board there, a coarser level of blocks of 2 x 2 pixels, the
-colours in the opposite order back. Weights of the coarser level are those of the edges across, in
-series with half of those within a block, so that no edge across a jump joins its sides.
+A cycle on a level: relax the pixels of one colour of a chess board, then of the other; solve for
+the rest on a coarser level of blocks of 2 x 2 pixels, by the same cycle; add this, and relax both
+colours in the opposite order [Briggs, Henson and McCormick, "A multigrid tutorial", 2000]. Between
+two blocks the weight is that of the edges across their border, in series with half of the edges
+within the blocks, so no edge across a jump joins its sides. One thread takes a pixel or a block.
 """
 
 import numpy as np

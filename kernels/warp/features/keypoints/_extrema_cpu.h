@@ -102,18 +102,18 @@ void halve_row(int row, wp::array_t<float> src, wp::array_t<float> dst) {
     for (int x = 0; x < width; ++x) to[x] = from[2 * x];
 }
 
-// needs RED, GREEN, BLUE, MOST_GRAY
+// needs SCALAR, RED, GREEN, BLUE, MOST_GRAY
 // Grey values of a row, times `scale`.
-void gray_row(int row, wp::array_t<float> src, float scale, wp::array_t<float> dst) {
+void gray_row(int row, wp::array_t<SCALAR> src, float scale, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
     const int width = dst.shape[1], channels = src.shape[2];
-    const float* from = src.data + (size_t)row * width * channels;
+    const SCALAR* from = src.data + (size_t)row * width * channels;
     float* to = dst.data + (size_t)row * width;
     if (channels == 1)
-        for (int x = 0; x < width; ++x) to[x] = from[x] * scale;
+        for (int x = 0; x < width; ++x) to[x] = (float)from[x] * scale;
     else
         for (int x = 0; x < width; ++x, from += channels)
-            to[x] = (RED * from[0] + GREEN * from[1] + BLUE * from[2]) * scale;
+            to[x] = (RED * (float)from[0] + GREEN * (float)from[1] + BLUE * (float)from[2]) * scale;
     // NaN as well.
     for (int x = 0; x < width; ++x) to[x] = __builtin_fabsf(to[x]) <= MOST_GRAY ? to[x] : 0.0f;
 }

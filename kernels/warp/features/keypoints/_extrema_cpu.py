@@ -4,6 +4,8 @@ The code (_extrema_cpu.h) is native, because it compares 32 pixels at once, and 
 first neighbours that exceed all.
 """
 
+from typing import Any
+
 import warp as wp
 
 from cvkern.kernels.codes.features import GRAY, MOST_GRAY
@@ -14,18 +16,27 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 FILE = "_extrema_cpu.h"
 
 
-@_native.each(
-    FILE,
-    MOST_GRAY=f"{MOST_GRAY}f",
-    **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
-)
-def gray_row(
-    row: int,
-    src: wp.array3d[float],  # (H, W, C)
-    scale: float,
-    # outputs
-    dst: wp.array2d[float],  # (H, W)
-): ...
+def _gray_row(scalar: Any) -> wp.Kernel:
+    """Return the kernel for photographs of `scalar`."""
+
+    @_native.each(
+        FILE,
+        SCALAR=scalar,
+        MOST_GRAY=f"{MOST_GRAY}f",
+        **{n: f"{w}f" for n, w in zip(("RED", "GREEN", "BLUE"), GRAY, strict=True)},
+    )
+    def gray_row(
+        row: int,
+        src: wp.array3d[scalar],  # (H, W, C)
+        scale: float,
+        # outputs
+        dst: wp.array2d[float],  # (H, W)
+    ): ...
+
+    return gray_row
+
+
+gray_rows = {scalar: _gray_row(scalar) for scalar in (wp.float32, wp.uint8)}
 
 
 @_native.each(FILE)

@@ -6,6 +6,7 @@ A thread takes a pixel; in `mark` a warp takes 30 columns, and goes down the row
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import warp as wp
 
@@ -25,21 +26,29 @@ BRIGHTEST = wp.constant(MOST_GRAY)
 RED, GREEN, BLUE = (wp.constant(w) for w in GRAY)
 
 
-@wp.kernel
-def gray(
-    src: wp.array3d[float],  # (H, W, C)
-    scale: float,
-    # outputs
-    dst: wp.array2d[float],  # (H, W)
-):
-    y, x = wp.tid()
-    v = src[y, x, 0]
-    if src.shape[2] > 1:
-        v = RED * v + GREEN * src[y, x, 1] + BLUE * src[y, x, 2]
-    v = v * scale
-    if not (wp.abs(v) <= BRIGHTEST):  # NaN as well
-        v = 0.0
-    dst[y, x] = v
+def _gray(scalar: Any) -> wp.Kernel:
+    """Return the kernel for photographs of `scalar`."""
+
+    @wp.kernel
+    def gray(
+        src: wp.array3d[scalar],  # (H, W, C)
+        scale: float,
+        # outputs
+        dst: wp.array2d[float],  # (H, W)
+    ):
+        y, x = wp.tid()
+        v = float(src[y, x, 0])
+        if src.shape[2] > 1:
+            v = RED * v + GREEN * float(src[y, x, 1]) + BLUE * float(src[y, x, 2])
+        v = v * scale
+        if not (wp.abs(v) <= BRIGHTEST):  # NaN as well
+            v = 0.0
+        dst[y, x] = v
+
+    return gray
+
+
+grays = {scalar: _gray(scalar) for scalar in (wp.float32, wp.uint8)}
 
 
 @wp.kernel

@@ -1,25 +1,4 @@
 // needs THREADS
-// Replace each count by the sum up to it; one block, of whose threads each has a run of counts.
-void add_up(wp::array_t<int> counts) {
-    __shared__ int parts[THREADS];
-    const int thread = threadIdx.x, size = counts.shape[0];
-    const int run = (size + THREADS - 1) / THREADS;
-    const int first = min(thread * run, size), last = min(first + run, size);
-    int sum = 0;
-    for (int i = first; i < last; ++i) sum += counts.data[i];
-    parts[thread] = sum;
-    __syncthreads();
-    for (int apart = 1; apart < THREADS; apart *= 2) {
-        const int before = thread >= apart ? parts[thread - apart] : 0;
-        __syncthreads();
-        parts[thread] += before;
-        __syncthreads();
-    }
-    sum = parts[thread] - sum;
-    for (int i = first; i < last; ++i) counts.data[i] = sum += counts.data[i];
-}
-
-// needs THREADS
 // List the points of lowest rank, then of largest value, then the first ones: one block, which
 // finds the last one to list byte by byte of rank and value. A value below 0 is no point.
 void choose(wp::array_t<int> values, wp::array_t<int> ranks, int ranked, wp::array_t<int> number,
@@ -58,10 +37,22 @@ void choose(wp::array_t<int> values, wp::array_t<int> ranks, int ranked, wp::arr
             if (key >> shift >> 8 == known >> shift >> 8) atomicAdd(&bins[key >> shift & 255], 1);
         }
         __syncthreads();
-        if (thread == 0) {
-            int b = 0, left = missing;
-            while (b < 255 && bins[b] < left) left -= bins[b++];
-            prefix = known | (key_t)b << shift, missing = left;
+        // A warp finds the byte up to which more than `missing` keys lie: a lane has eight bytes.
+        if (thread < 32) {
+            int own = 0;
+            for (int b = 0; b < 8; ++b) own += bins[8 * thread + b];
+            int before = own;
+            for (int apart = 1; apart < 32; apart *= 2) {
+                const int lower = __shfl_up_sync(~0u, before, apart);
+                if (thread >= apart) before += lower;
+            }
+            before -= own;
+            const unsigned reached = __ballot_sync(~0u, before + own >= missing);
+            if (thread == (reached ? __ffs(reached) - 1 : 31)) {
+                int b = 8 * thread, left = missing - before;
+                while (b < 255 && bins[b] < left) left -= bins[b++];
+                prefix = known | (key_t)b << shift, missing = left;
+            }
         }
         __syncthreads();
     }

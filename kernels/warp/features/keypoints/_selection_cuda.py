@@ -1,4 +1,4 @@
-"""Prefix sums and the selection of the best on CUDA, by one block.
+"""The selection of the best on CUDA, by one block.
 
 The code (_selection_cuda.cu) is native, for shared memory: the host need not know how many points
 there are before the next kernel.
@@ -12,14 +12,9 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
 THREADS = 1024
-_FILE = "_selection_cuda.cu"
 
 
-@_native.kernel(_FILE, THREADS=THREADS)
-def add_up(counts: wp.array[int]): ...
-
-
-@_native.kernel(_FILE, THREADS=THREADS)
+@_native.kernel("_selection_cuda.cu", THREADS=THREADS)
 def choose(
     values: wp.array[int],
     ranks: wp.array[int],

@@ -7,7 +7,6 @@ in shared memory. Two passes of plain Warp read and write each level twice.
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
 import warp as wp
 
 from cvkern.kernels.warp import _native
@@ -17,22 +16,34 @@ from cvkern.kernels.warp.features._levels import kept_table, level_of
 # Blocks are numbered along one axis.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False, "default_grid_stride": False})
 
-COLUMNS = 256  # columns of a tile, and threads of a block
-ROWS = 16  # rows of a tile: registers of a thread, with the reach of the taps on both sides
 WORDS = 8  # numbers of a job
+# Columns and rows of a tile, and blocks for a multiprocessor. A thread has a column with the reach
+# of the taps on both sides in registers.
+LARGE, SMALL = (256, 16, 3), (128, 4, 6)
+NARROW = 24  # largest reach for small tiles
+FILLED = 384  # tiles that fill a GPU: where there are fewer, smaller ones end sooner
 
 
-@_native.kernel(
-    "_smoothing_cuda.cu", launch_bounds=(COLUMNS, 3), COLUMNS=COLUMNS, ROWS=ROWS, WORDS=WORDS
-)
-def smooth(first: int, jobs: wp.array2d[wp.int64]): ...  # (J, WORDS)
+def _smooth(columns: int, rows: int, blocks: int) -> wp.Kernel:
+    """Return the kernel for tiles of one shape."""
+
+    @_native.kernel(
+        "_smoothing_cuda.cu", launch_bounds=(columns, blocks), COLUMNS=columns, ROWS=rows,
+        WORDS=WORDS,
+    )  # fmt: skip
+    def smooth(first: int, jobs: wp.array2d[wp.int64]): ...  # (J, WORDS)
+
+    return smooth
+
+
+kernels = {tile: _smooth(*tile) for tile in (LARGE, SMALL)}
 
 
 class Jobs(NamedTuple):
     """Images to smooth, in rounds of which each needs those before."""
 
     table: wp.array  # (J, WORDS) int64
-    rounds: list[tuple[int, int]]  # first job, and number of blocks
+    rounds: list[tuple[tuple[int, int, int], int, int]]  # tile, first job, number of blocks
 
 
 def jobs_of(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> Jobs:
@@ -49,18 +60,28 @@ def jobs_of(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]
             half = octaves[o + 1].ptr if i == inner and o + 1 < len(octaves) else 0
             height, width = octave.shape[1:]
             reach = taps[i].shape[0] // 2
-            wide = COLUMNS - 2 * (-(-reach // 4) * 4)
-            blocks = -(-width // wide) * -(-height // ROWS)
             job = [before.ptr, level_of(octave, i).ptr, half, height, width,
-                   taps[i].ptr + 4 * reach, reach, blocks]  # fmt: skip
+                   taps[i].ptr + 4 * reach, reach]  # fmt: skip
             rounds.setdefault(inner * o + i, []).append(job)
-    groups = [rounds[n] for n in sorted(rounds)]
-    table = kept_table([job for group in groups for job in group], src.device)
-    firsts = np.cumsum([0] + [len(group) for group in groups]).tolist()
-    return Jobs(table, [(f, sum(j[-1] for j in g)) for f, g in zip(firsts, groups, strict=False)])
+    rows, told = [], []
+    for number in sorted(rounds):
+        group = rounds[number]
+        few = sum(_blocks(job, LARGE) for job in group) < FILLED
+        tile = SMALL if few and max(job[6] for job in group) <= NARROW else LARGE
+        blocks = [_blocks(job, tile) for job in group]
+        told.append((tile, len(rows), sum(blocks)))
+        rows += [[*job, count] for job, count in zip(group, blocks, strict=True)]
+    return Jobs(kept_table(rows, src.device), told)
+
+
+def _blocks(job: list[int], tile: tuple[int, int, int]) -> int:
+    """Return the number of tiles of a job."""
+    height, width, reach = job[3], job[4], job[6]
+    columns, rows, _ = tile
+    return -(-width // (columns - 2 * (-(-reach // 4) * 4))) * -(-height // rows)
 
 
 def fill(jobs: Jobs) -> None:
     """Smooth all levels; a block takes a tile."""
-    for first, blocks in jobs.rounds:
-        launch(smooth, blocks * COLUMNS, [first], [jobs.table], COLUMNS)
+    for tile, first, blocks in jobs.rounds:
+        launch(kernels[tile], blocks * tile[0], [first], [jobs.table], tile[0])

@@ -12,6 +12,7 @@ import warp as wp
 from cvkern.kernels.codes.features import Limits
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs
 from cvkern.kernels.warp._replays import repeat
+from cvkern.kernels.warp._sums import scan
 from cvkern.kernels.warp._zeros import clear
 from cvkern.kernels.warp.features._levels import level_of, rows_of, table
 from cvkern.kernels.warp.features._marks import list_marks
@@ -21,18 +22,19 @@ from . import _extrema_cuda as cuda
 from . import _smoothing_cuda as cuda_smoothing
 from ._smoothing_cpu import fill_level, fill_levels
 from .refinement import refine
-from .selection import add_up
 
 # Extrema that CUDA queues: at least so many, and one of so many elements of all levels.
 LEAST, SHARE = 1 << 14, 256
 
 
 def prepare(src: wp.array, scale: float, dst: wp.array) -> None:
-    """Grey values times `scale`; one thread a pixel."""
+    """Grey values of bytes or floats, times `scale`; one thread a pixel."""
     if dst.device.is_cuda:
-        launch(cuda.gray, dst.shape, [src, scale], [dst])
+        launch(cuda.grays[src.dtype], dst.shape, [src, scale], [dst])
         return
-    launch_slabs(cpu.gray_row, dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst])
+    launch_slabs(
+        cpu.gray_rows[src.dtype], dst.shape[0], slabs(dst.shape[0], dst.size), [src, scale], [dst]
+    )
 
 
 def double(src: wp.array, dst: wp.array) -> None:
@@ -94,13 +96,13 @@ def mark_keypoints(
         launch(mark, cuda.threads(octaves, margin), inputs, [queue, number], cuda.BLOCK)
         inputs = [tables, *limits, margin, queue, number]
         launch(cuda.move, cuda.MOVING, inputs, [words, ends])
-        add_up(ends)
+        scan(ends)
         return
     for levels, (marks, _, counts) in zip(octaves, rows_of(octaves, words, ends), strict=True):
         inputs = [levels, limits.threshold, margin]
         height = levels.shape[1]
         launch_slabs(cpu.mark_row, height, slabs(height, levels.size), inputs, [marks, counts])
-    add_up(ends)
+    scan(ends)
     total = int(ends.numpy()[-1])
     cells = scratch("keypoints.extrema", (max(total, 1), 4), wp.int32, words.device)[:total]
     list_marks(octaves, words, ends, cells)
@@ -111,7 +113,7 @@ def mark_keypoints(
     clear(ends)
     if total:
         launch(cpu.keep, 1, [table(octaves), cells], [words, ends])
-    add_up(ends)
+    scan(ends)
 
 
 def list_keypoints(

@@ -7,6 +7,7 @@ one block (_selection_cuda.py).
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch, launch_each, scratch
+from cvkern.kernels.warp._sums import scan
 from cvkern.kernels.warp._zeros import clear
 
 from . import _selection_cuda as cuda
@@ -45,17 +46,9 @@ def rank(values: wp.array, squares: wp.array, count: int, ranks: wp.array) -> No
     members = scratch("selection.members", (points,), wp.int32, device)
     clear(ends)
     launch_each(_count, points, 0, [values, squares], [ends])  # no atomics between slabs
-    add_up(ends)
+    scan(ends)
     launch_each(_gather, points, 0, [values, squares], [ends, members])
     launch_each(_rank, points, 64 * points, [values, squares, ends, members], [ranks])
-
-
-def add_up(counts: wp.array) -> None:
-    """Replace each count by the sum up to it."""
-    if counts.device.is_cuda:
-        launch(cuda.add_up, cuda.THREADS, [], [counts], cuda.THREADS)
-    else:
-        launch(_add_up, 1, [], [counts])
 
 
 def choose(
@@ -119,14 +112,6 @@ def _count(
     for n in range(first + wp.tid(), last, stride):
         if values[n] >= 0:
             wp.atomic_add(counts, squares[n], 1)
-
-
-@wp.kernel
-def _add_up(counts: wp.array[int]):
-    total = int(0)
-    for n in range(counts.shape[0]):
-        total += counts[n]
-        counts[n] = total
 
 
 @wp.kernel

@@ -2,18 +2,19 @@
 
 // needs BYTES, SCALAR, CHANNELS, SEGMENT, STEPS, GROUP, WARPS, FAST, ALL_FAST
 // An image seen through a lens. A warp makes STEPS * 32 pixels of a row: its lanes first find the
-// places of the nodes, every half segment, then the parabolas between them. Bytes of 1 or 3 channels
-// of FAST segments that lie within the image are fetched before the first of them is weighed.
+// places of the nodes, every half segment, then the parabolas between them, in 1/256 pixel: a power
+// of two changes no rounding. Bytes of 1 or 3 channels of FAST segments that lie within the image
+// are fetched before the first of them is weighed.
 void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval,
                  wp::array_t<SCALAR> dst) {
     enum { PART = STEPS * 32, PARABOLAS = PART / SEGMENT };
     __shared__ __align__(16) float table[WARPS][PARABOLAS][8];
     const int lane = threadIdx.x & 31;
     auto* parabolas = table[threadIdx.x >> 5];
-    const unsigned item = (unsigned)((blockIdx.x * (size_t)blockDim.x + threadIdx.x) >> 5);
     const int height = src.shape[0], width = src.shape[1], columns = dst.shape[1];
     const unsigned parts = (unsigned)(columns + PART - 1) / PART;
-    const int row = (int)(item / parts), begin = (int)(item % parts) * PART;
+    const int row = (int)(blockIdx.x / parts) * WARPS + (int)(threadIdx.x >> 5);
+    const int begin = (int)(blockIdx.x % parts) * PART;
     if (row >= dst.shape[0]) return;  // the whole warp
     const Lens lens(numbers.data, (float)row);
     unsigned inside;  // the segments within the image, bit 2 s
@@ -29,12 +30,13 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
         if (lane < 2 * PARABOLAS && !(lane & 1)) {
             float* to = parabolas[lane >> 1];
             Lens::bend(u, u1, u2, a, b);
-            to[0] = u, to[1] = a, to[2] = b;
+            to[0] = 256.0f * u, to[1] = 256.0f * a, to[2] = 256.0f * b;
+            within = Lens::within(u, a, u2, (float)width - 1.5f);
             Lens::bend(v, v1, v2, a, b);
-            to[4] = v, to[5] = a, to[6] = b;
+            to[4] = 256.0f * v, to[5] = 256.0f * a, to[6] = 256.0f * b;
             to[3] = numbers.data[19] > 0.0f && (there >> lane & 5u) == 5u ? 1.0f : 0.0f;
-            within = to[3] > 0.0f && Lens::within(to[0], to[1], u2, (float)width - 1.5f) &&
-                     Lens::within(to[4], to[5], v2, (float)height - 1.5f);
+            // Words that are read may end in the row below the two of a pixel.
+            within = within && to[3] > 0.0f && Lens::within(v, a, v2, (float)height - 2.5f);
         }
         inside = __ballot_sync(0xffffffffu, within);
         __syncwarp();
@@ -65,19 +67,17 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
                 const float4 p = *(const float4*)parabolas[base + g];
                 const float4 q = *(const float4*)(parabolas[base + g] + 4);
                 const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
-                const unsigned ix = (int)(u * 256.0f + 0.5f), iy = (int)(v * 256.0f + 0.5f);
+                const unsigned ix = (int)(u + 0.5f), iy = (int)(v + 0.5f);
                 first[g] = (iy >> 8) * below + (ix >> 8) * CHANNELS;
                 weights[g] = (ix & 255) * 65535 + 256;  // both weights of the columns
                 share[g] = iy & 255;
                 // The bytes of both pixels of a row lie in WORDS words, or in one fewer.
-                const unsigned last = first[g] + 2 * CHANNELS - 1;
+                const char* line = (const char*)src.data + (first[g] & ~3u);
 #pragma unroll
-                for (int i = 0; i < 2; ++i) {
-                    const char* line = (const char*)src.data + (i ? below : 0u);
+                for (int i = 0; i < 2; ++i, line += below) {
 #pragma unroll
-                    for (int n = 0; n < WORDS - 1; ++n)
-                        word[g][i][n] = *(const unsigned*)(line + (first[g] & ~3u) + 4 * n);
-                    word[g][i][WORDS - 1] = *(const unsigned*)(line + (last & ~3u));
+                    for (int n = 0; n < WORDS; ++n)
+                        word[g][i][n] = *(const unsigned*)(line + 4 * n);
                 }
             }
 #pragma unroll
@@ -133,7 +133,8 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             const float t = (float)(k % SEGMENT);
             const float4 p = *(const float4*)parabolas[k / SEGMENT];
             const float4 q = *(const float4*)(parabolas[k / SEGMENT] + 4);
-            float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
+            float u = (p.x + t * (p.y + t * p.z)) * (1.0f / 256.0f);
+            float v = (q.x + t * (q.y + t * q.z)) * (1.0f / 256.0f);
             bool in = true;
             if (p.w == 0.0f) in = lens.see((float)(begin + k), u, v);
             in = in && u >= 0.0f && v >= 0.0f && u <= last_x && v <= last_y;

@@ -1,13 +1,12 @@
 // needs ANGLES GROUP POINTS WEIGHTED
-// The rows of the points are `lift` larger than in their image. The first of several starts is that
-// of the image; a list that is no mask has only its end.
+// The first of several starts is that of the image; a list that is no mask has only its end.
 // The rows of a slab are groups of ANGLES angles. Vector code computes the bins of POINTS points
 // for ANGLES angles at a time, because successive votes of one angle often fall into the same bin
 // and would wait for each other. Histograms of GROUP angles are written together, one cache line
 // per bin.
 void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
           wp::array_t<int> cosine, wp::array_t<int> sine, wp::array_t<wp::int64> offset, int shift,
-          wp::array_t<int> weights, int lift, wp::array_t<int> lines, wp::array_t<int> votes) {
+          wp::array_t<int> weights, wp::array_t<int> lines, wp::array_t<int> votes) {
     const long long* pairs = (const long long*)points.data;  // the row is the lower half
     const int origin = starts.shape[0] > 1 ? starts.data[0] : 0;
     const int number = starts.data[starts.shape[0] - 1], angles = votes.shape[1];
@@ -17,7 +16,7 @@ void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<in
         int at[ANGLES][POINTS];
         for (int k = 0; k < ANGLES; ++k) {
             const long long c = cosine.data[angle + k], s = sine.data[angle + k];
-            const long long o = offset.data[angle + k] - s * lift;
+            const long long o = offset.data[angle + k];
 #pragma clang loop vectorize(assume_safety)
             for (int i = 0; i < count; ++i) {
                 const long long pair = pairs[begin + i];
@@ -51,7 +50,7 @@ void vote(int slab, int first, int last, wp::array_t<int> points, wp::array_t<in
 // The rows of a slab are angles. A point has few votes, so each is added directly to its bin.
 void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::array_t<int> starts,
                    wp::array_t<int> windows, wp::array_t<int> cosine, wp::array_t<int> sine,
-                   wp::array_t<wp::int64> offset, int shift, wp::array_t<int> weights, int lift,
+                   wp::array_t<wp::int64> offset, int shift, wp::array_t<int> weights,
                    wp::array_t<int> votes) {
     const int origin = starts.shape[0] > 1 ? starts.data[0] : 0;
     const int number = starts.data[starts.shape[0] - 1];
@@ -60,7 +59,7 @@ void vote_directed(int slab, int first, int last, wp::array_t<int> points, wp::a
         for (int angle = first; angle < last; ++angle) votes.data[bin * angles + angle] = 0;
     for (int i = origin; i < number; ++i) {
         const int begin = windows.data[2 * i], end = begin + windows.data[2 * i + 1];
-        const long long y = points.data[2 * i] - lift, x = points.data[2 * i + 1];
+        const long long y = points.data[2 * i], x = points.data[2 * i + 1];
         const int vote = WEIGHTED ? weights.data[i] : 1;
         for (int turn = 0; turn <= (end > angles); ++turn) {  // the window may continue at angle 0
             const int base = turn * (int)angles;

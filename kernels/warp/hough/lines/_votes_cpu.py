@@ -33,7 +33,6 @@ def _vote(weighted: bool) -> wp.Kernel:
         offset: wp.array[wp.int64],
         shift: int,
         weights: wp.array[int],  # (capacity,), if they count
-        lift: int,  # rows of the points above those of their image
         # scratch
         lines: wp.array2d[int],  # (slabs GROUP, R)
         # outputs
@@ -59,7 +58,6 @@ def _vote_directed(weighted: bool) -> wp.Kernel:
         offset: wp.array[wp.int64],
         shift: int,
         weights: wp.array[int],  # (capacity,), if they count
-        lift: int,  # rows of the points above those of their image
         # outputs
         votes: wp.array2d[int],  # (R, T)
     ): ...

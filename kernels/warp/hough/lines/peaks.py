@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
-from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 
 wp.set_module_options({"enable_backward": False})
 
@@ -96,6 +96,23 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
     return maxima_of_rows, maxima
 
 
+@wp.kernel
+def _take(
+    stride: int,
+    first: int,
+    last: int,
+    values: wp.array2d[Any],  # (R, T)
+    bins: wp.array2d[int],  # (K, 2)
+    # outputs
+    taken: wp.array[wp.float64],  # (K,)
+):
+    for i in range(first + wp.tid(), last, stride):
+        taken[i] = wp.float64(values[bins[i, 0], bins[i, 1]])
+
+
+_takes = {
+    scalar: wp.overload(_take, {"values": wp.array2d[scalar]}) for scalar in (wp.int32, wp.float32)
+}
 _maxima_of = {scalar: _maxima(scalar) for scalar in (wp.int32, wp.float32)}
 
 
@@ -119,3 +136,9 @@ def local_maxima(
     count = slabs(values.shape[0], values.size)
     count = min(4 * count, values.shape[0]) if count > 1 else 1  # maxima gather in few rows
     launch_slabs(of_rows, values.shape[0], count, [values, wide, *options], [mask])
+
+
+def take(values: wp.array, bins: wp.array, taken: wp.array) -> None:
+    """Look up the values of bins (K, 2)."""
+    number = taken.shape[0]
+    launch_each(_takes[values.dtype], number, number, [values, bins], [taken])

@@ -7,6 +7,7 @@ memory.
 
 from collections.abc import Iterator
 
+import numpy as np
 import warp as wp
 
 from cvkern.kernels.codes.hough import DIRECTIONS, LineTables, LineWindows
@@ -93,8 +94,8 @@ def vote(
     groups = -(-angles // cpu.ANGLES)
     count = min(4 * cpu_threads(), groups)
     lines = scratch("lines.lines", (count * cpu.GROUP, bins), wp.int32, votes.device)
-    for lift, of_image, filled in _images(starts, votes):
-        inputs = [points, of_image, *tables, given, lift, lines]
+    for of_image, moved, filled in _images(starts, tables, votes):
+        inputs = [points, of_image, *moved, given, lines]
         launch_slabs(cpu.votes[weighted], groups, count, inputs, [filled])
 
 
@@ -119,8 +120,8 @@ def vote_directed(
         return
     angles = votes.shape[-1]
     count = min(2 * cpu_threads(), angles)
-    for lift, of_image, filled in _images(starts, votes):
-        inputs = [points, of_image, found, *tables, given, lift]
+    for of_image, moved, filled in _images(starts, tables, votes):
+        inputs = [points, of_image, found, *moved, given]
         launch_slabs(cpu.directed_votes[weighted], angles, count, inputs, [filled])
 
 
@@ -128,14 +129,22 @@ def _planes(votes: wp.array) -> wp.array:
     return view(votes, wp.int32, (1, *votes.shape)[-3:])
 
 
-def _images(starts: wp.array, votes: wp.array) -> Iterator[tuple[int, wp.array, wp.array]]:
-    """Yield the first row of each image, the starts of its rows, and its votes."""
+def _images(
+    starts: wp.array, tables: LineTables, votes: wp.array
+) -> Iterator[tuple[wp.array, LineTables, wp.array]]:
+    """Yield the starts of the rows of each image, tables for its points, and its votes.
+
+    The rows of the points are numbered through all images, which the offsets take away.
+    """
     if votes.ndim == 2:
-        yield 0, starts, votes
+        yield starts, tables, votes
         return
     height = (starts.shape[0] - 1) // votes.shape[0]
+    offset, sine = tables.offset.numpy(), tables.sine.numpy().astype(np.int64)
     for n in range(votes.shape[0]):
-        yield n * height, starts[n * height : (n + 1) * height + 1], votes[n]
+        moved = wp.array(offset - n * height * sine, dtype=wp.int64, device=votes.device)
+        rows = starts[n * height : (n + 1) * height + 1]
+        yield rows, tables._replace(offset=moved), votes[n]
 
 
 def _threads(points: wp.array) -> int:

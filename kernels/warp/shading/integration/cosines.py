@@ -1,19 +1,16 @@
 """Poisson's equation in a rectangle by cosine transforms, in Warp.
 
-The Taichi set has the equations. Stages of radix 8 compute eight values of a line per thread, those
-of other factors one.
+The Taichi set has the equations.
 """
-
-import math
 
 import warp as wp
 
 from cvkern.kernels.warp._launch import launch_each, view
 
+from . import _stages as stages
+
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
-
-DIAGONAL = wp.constant(math.sqrt(0.5))
 
 
 def _complex(array: wp.array) -> wp.array:
@@ -67,48 +64,6 @@ def _begin(
         out[_place(y, out.shape[0]), j] = pair
 
 
-@wp.func
-def _times(a: wp.vec2, b: wp.vec2):
-    return wp.vec2(a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0])
-
-
-@wp.func
-def _turned(a: wp.vec2, sign: float):
-    """Return a times sign i."""
-    return wp.vec2(-sign * a[1], sign * a[0])
-
-
-@wp.func
-def _four(a: wp.vec2, b: wp.vec2, c: wp.vec2, d: wp.vec2, sign: float):
-    """Return the Fourier transform of four numbers."""
-    e = a + c
-    f = a - c
-    g = b + d
-    h = _turned(b - d, sign)
-    return e + g, f + h, e - g, f - h
-
-
-@wp.func
-def _wave(waves: wp.array[wp.vec2], k: int, sign: float):
-    wave = waves[k]
-    return wp.vec2(wave[0], sign * wave[1])
-
-
-@wp.func
-def _read(src: wp.array2d[wp.vec2], axis: int, n: int, line: int):
-    if axis == 0:
-        return src[n, line]
-    return src[line, n]
-
-
-@wp.func
-def _store(value: wp.vec2, axis: int, n: int, line: int, out: wp.array2d[wp.vec2]):
-    if axis == 0:
-        out[n, line] = value
-    else:
-        out[line, n] = value
-
-
 def stage(
     src: wp.array,
     waves: wp.array,
@@ -125,91 +80,12 @@ def stage(
     """
     inputs = [_complex(src), _complex(waves), before, axis, sign]
     pairs = _complex(out)
-    if radix == 8:
-        launch_each(_stage_of_eight, pairs.size // 8, 8 * out.size, inputs, [pairs])
+    if radix == 16:
+        launch_each(stages.stage_of_sixteen, pairs.size // 16, 16 * out.size, inputs, [pairs])
+    elif radix == 8:
+        launch_each(stages.stage_of_eight, pairs.size // 8, 8 * out.size, inputs, [pairs])
     else:
-        launch_each(_stage, pairs.size, 2 * radix * out.size, [*inputs, radix], [pairs])
-
-
-@wp.kernel
-def _stage(
-    stride: int,
-    first: int,
-    last: int,
-    src: wp.array2d[wp.vec2],
-    waves: wp.array[wp.vec2],
-    before: int,
-    axis: int,
-    sign: float,
-    radix: int,
-    # outputs
-    out: wp.array2d[wp.vec2],
-):
-    count = waves.shape[0]
-    for i in range(first + wp.tid(), last, stride):
-        n = i // src.shape[1]
-        line = i % src.shape[1]
-        if axis == 1:
-            n = i % src.shape[1]
-            line = i // src.shape[1]
-        turn = n % (before * radix)
-        begin = n // (before * radix) * before + turn % before
-        step = turn * (count // (before * radix))
-        total = wp.vec2()
-        wave = int(0)
-        for t in range(radix):
-            z = _read(src, axis, begin + t * (count // radix), line)
-            total += _times(_wave(waves, wave, sign), z)
-            wave += step
-            if wave >= count:
-                wave -= count
-        _store(total, axis, n, line, out)
-
-
-@wp.kernel
-def _stage_of_eight(
-    stride: int,
-    first: int,
-    last: int,
-    src: wp.array2d[wp.vec2],
-    waves: wp.array[wp.vec2],
-    before: int,
-    axis: int,
-    sign: float,
-    # outputs
-    out: wp.array2d[wp.vec2],
-):
-    eighth = waves.shape[0] // 8
-    for i in range(first + wp.tid(), last, stride):
-        m = i // src.shape[1]
-        line = i % src.shape[1]
-        if axis == 1:
-            m = i % eighth
-            line = i // eighth
-        k = m % before
-        step = k * (eighth // before)
-        a0 = _read(src, axis, m, line)
-        a1 = _times(_wave(waves, step, sign), _read(src, axis, m + eighth, line))
-        a2 = _times(_wave(waves, 2 * step, sign), _read(src, axis, m + 2 * eighth, line))
-        a3 = _times(_wave(waves, 3 * step, sign), _read(src, axis, m + 3 * eighth, line))
-        a4 = _times(_wave(waves, 4 * step, sign), _read(src, axis, m + 4 * eighth, line))
-        a5 = _times(_wave(waves, 5 * step, sign), _read(src, axis, m + 5 * eighth, line))
-        a6 = _times(_wave(waves, 6 * step, sign), _read(src, axis, m + 6 * eighth, line))
-        a7 = _times(_wave(waves, 7 * step, sign), _read(src, axis, m + 7 * eighth, line))
-        e0, e1, e2, e3 = _four(a0, a2, a4, a6, sign)
-        o0, o1, o2, o3 = _four(a1, a3, a5, a7, sign)
-        o1 = _times(wp.vec2(DIAGONAL, sign * DIAGONAL), o1)
-        o2 = _turned(o2, sign)
-        o3 = _times(wp.vec2(-DIAGONAL, sign * DIAGONAL), o3)
-        at = (m - k) * 8 + k
-        _store(e0 + o0, axis, at, line, out)
-        _store(e1 + o1, axis, at + before, line, out)
-        _store(e2 + o2, axis, at + 2 * before, line, out)
-        _store(e3 + o3, axis, at + 3 * before, line, out)
-        _store(e0 - o0, axis, at + 4 * before, line, out)
-        _store(e1 - o1, axis, at + 5 * before, line, out)
-        _store(e2 - o2, axis, at + 6 * before, line, out)
-        _store(e3 - o3, axis, at + 7 * before, line, out)
+        launch_each(stages.stage, pairs.size, 2 * radix * out.size, [*inputs, radix], [pairs])
 
 
 @wp.func

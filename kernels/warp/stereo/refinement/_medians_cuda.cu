@@ -51,13 +51,13 @@ void median(wp::array_t<float> disparity, wp::array_t<wp::uint8> guide, int cont
 #pragma unroll
     for (int p = 0; p < 2; ++p) {
         if (begin + p > last) break;
-        const unsigned half = total >> BITS * p & MOST;
+        // The least sum that reaches half of the total; of the high half, the low one cannot matter.
+        const NUMBER half = ((total >> BITS * p & MOST) + 1) / 2;
         float best = __int_as_float(0x7fc00000);
 #pragma unroll
         for (int i = p; i < SIZE + p; ++i) {
-            const bool weighs = (weight[i] >> BITS * p & MOST) != 0;
-            const bool reaches = 2 * (unsigned)(sum[i] >> BITS * p & MOST) >= half;
-            if (weighs && reaches && !(best <= value[i])) best = value[i];
+            const bool reaches = p ? sum[i] >= half << BITS : (sum[i] & MOST) >= half;
+            if (reaches) best = fminf(best, value[i]);  // NaN weighs nothing, and is never less
         }
         smooth.data[(size_t)(DOWN ? y + p : y) * width + (DOWN ? x : x + p)] = best;
     }

@@ -16,8 +16,8 @@ from cvkern.kernels.codes.radiance import (
     network_layers,
     network_values,
 )
-from cvkern.kernels.taichi.radiance import embeddings as light
 from cvkern.kernels.taichi.radiance import encodings as encode
+from cvkern.kernels.taichi.radiance.wild import embeddings as light
 
 from . import heads
 from . import layers as dense

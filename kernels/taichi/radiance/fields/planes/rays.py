@@ -21,6 +21,8 @@ the CPU, one thread adds those of a plane in the order of the rays; on CUDA a th
 sample, and the order has no effect on integer sums.
 """
 
+from typing import Any
+
 import numpy as np
 import taichi as ti
 
@@ -28,6 +30,9 @@ from cvkern.kernels.codes import radiance as codes
 from cvkern.kernels.codes.radiance import PLANES_PLACE
 from cvkern.kernels.taichi._launch import on_cpu, primitive, scratch
 from cvkern.kernels.taichi.radiance._fixed_point import add
+
+from ._path import Corner, Path, corner_of, distance_of, path_of, share_of
+from ._shine import Rule, place_of, shift_of, side_of
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -38,76 +43,13 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 vec3 = ti.types.vector(3, ti.f32)
 vec4 = ti.types.vector(4, ti.f32)
 
-SIDEWAYS = 1e-6  # cosine below which a ray is parallel to the planes, or looks back
-
-Path = ti.types.struct(x=ti.f32, right=ti.f32, y=ti.f32, down=ti.f32, eye=ti.f32, ahead=ti.f32)
-"""Where a ray meets the plane of a disparity q: at the texel (y + down q, x + right q); the depth
-of the ray's origin, and the cosine between the ray and the camera's axis."""
-
-Corner = ti.types.struct(row=ti.i32, column=ti.i32, down=ti.f32, right=ti.f32, inside=ti.i32)
-"""The upper left of the four texels around a point of a plane, and the point's offset."""
-
-
-@ti.func
-def _path_of(place: ti.template(), origins: ti.template(), directions: ti.template(), ray: ti.i32):
-    """Return the way of a ray."""
-    o = vec3(0.0)
-    d = vec3(0.0)
-    for k in ti.static(range(3)):
-        o[k] = place[4 * k + 3]
-        for i in ti.static(range(3)):
-            o[k] += place[4 * k + i] * origins[ray, i]
-            d[k] += place[4 * k + i] * directions[ray, i]
-    path = Path(x=0.0, right=0.0, y=0.0, down=0.0, eye=o[2], ahead=d[2])
-    if d[2] > SIDEWAYS:
-        x = d[0] / d[2]
-        y = d[1] / d[2]
-        path.x = place[12] * x + place[14]
-        path.y = place[13] * y + place[15]
-        path.right = place[12] * (o[0] - o[2] * x)
-        path.down = place[13] * (o[1] - o[2] * y)
-    return path
-
-
-@ti.func
-def _corner_of(path: Path, disparity: ti.f32, height: ti.i32, width: ti.i32):
-    """Return where a ray meets a plane; outside if the plane is behind its origin."""
-    corner = Corner(row=0, column=0, down=0.0, right=0.0, inside=0)
-    column = path.x + path.right * disparity
-    row = path.y + path.down * disparity
-    # Every comparison is false for NaN.
-    before = path.ahead > SIDEWAYS and disparity * path.eye < 1.0
-    if before and ti.min(row, column) >= -0.5 and row <= height - 0.5 and column <= width - 0.5:
-        corner.inside = 1
-        row = ti.math.clamp(row, 0.0, height - 1.0)
-        column = ti.math.clamp(column, 0.0, width - 1.0)
-        corner.row = ti.min(ti.cast(row, ti.i32), height - 2)
-        corner.column = ti.min(ti.cast(column, ti.i32), width - 2)
-        corner.down = row - corner.row
-        corner.right = column - corner.column
-    return corner
-
-
-@ti.func
-def _distance_of(path: Path, disparity: ti.f32) -> ti.f32:
-    """Return the distance of a plane along the ray."""
-    return (1.0 - disparity * path.eye) / (disparity * path.ahead)
-
-
-@ti.func
-def _share(at: Corner, i: ti.template(), j: ti.template()) -> ti.f32:
-    """Return the weight of the texel i rows down and j columns to the right."""
-    down = at.down if ti.static(i == 1) else 1.0 - at.down
-    right = at.right if ti.static(j == 1) else 1.0 - at.right
-    return down * right
-
 
 @ti.func
 def _texel(texels: ti.template(), plane: ti.i32, at: Corner) -> vec4:
     """Interpolate between four texels."""
     found = vec4(0.0)
     for i, j in ti.static(ti.ndrange(2, 2)):
-        share = _share(at, i, j)
+        share = share_of(at, i, j)
         for k in ti.static(range(4)):
             found[k] += share * texels[plane, at.row + i, at.column + j, k]
     return found
@@ -143,14 +85,15 @@ def _render(
     small: ti.template(),
     values: f32_4,  # (D, H, W, 4), read unless `small`
     words: u32_3,  # (D, H, W), read if `small`
-    stop: ti.f32,
+    maps: f32_4,  # (G, h, w, 3 N)
+    rule: Rule,
     # outputs
     colors: f32_2,  # (R, 3)
     opacity: f32_1,  # (R,)
     depths: f32_1,  # (R,)
 ):
     for ray in range(ti.min(active[0], origins.shape[0])):
-        path = _path_of(planes, origins, directions, ray)
+        path = path_of(planes, origins, directions, ray)
         height = values.shape[1]
         width = values.shape[2]
         if ti.static(small):
@@ -161,16 +104,19 @@ def _render(
         through = 1.0
         for plane in range(planes.shape[0] - PLANES_PLACE):
             q = planes[PLANES_PLACE + plane]
-            at = _corner_of(path, q, height, width)
-            if at.inside == 1 and through > stop:
+            at = corner_of(path, q, height, width)
+            if at.inside == 1 and through > rule.stop:
                 t = vec4(0.0)
                 if ti.static(small):
                     t = _texel_of_bytes(words, plane, at)
                 else:
                     t = _texel(values, plane, at)
                 if t[3] > 0.0:
-                    color += through * vec3(t[0], t[1], t[2])
-                    depth += through * t[3] * _distance_of(path, q)
+                    own = vec3(t[0], t[1], t[2])
+                    if maps.shape[3] > 1:
+                        own += t[3] * shift_of(maps, rule, path, q, plane, at)
+                    color += through * own
+                    depth += through * t[3] * distance_of(path, q)
                     through *= 1.0 - t[3]
         for k in ti.static(range(3)):
             colors[ray, k] = color[k]
@@ -180,18 +126,33 @@ def _render(
 
 @primitive
 def render(
-    rays: codes.Rays, planes: np.ndarray, texels: np.ndarray, stop: float, seen: codes.Seen
+    rays: codes.Rays,
+    planes: np.ndarray,
+    texels: np.ndarray,
+    shine: codes.Shine | None,
+    stop: float,
+    row: int,
+    seen: codes.Seen,
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
     `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
     from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
-    interpolated with weights that are multiples of 1 / 256.
+    interpolated with weights that are multiples of 1 / 256, and must not change after they were
+    first rendered. `row` is the width of the picture if the rays are those of its pixels, row by
+    row, or 0; here it makes no difference.
     """
     small = texels.dtype == np.uint32
     other = scratch((1, 1, 1, 1) if small else (1, 1, 1), np.float32 if small else np.uint32)
     values, words = (other, texels) if small else (texels, other)
-    _render(*rays, planes, small, values, words, stop, *seen)
+    _render(*rays, planes, small, values, words, *_given(shine, stop), *seen)
+
+
+def _given(shine: codes.Shine | None, stop: float) -> tuple[np.ndarray, Any]:
+    """Return the coefficients, or one number instead, which is not read, and the other numbers."""
+    if shine is None:
+        return scratch((1, 1, 1, 1), np.float32), Rule(shared=1, reach=1.0, stop=stop)
+    return shine.maps, Rule(shared=shine.shared, reach=shine.reach, stop=stop)
 
 
 @ti.kernel
@@ -223,27 +184,32 @@ def _trace(
     active: i32_1,  # (1,)
     planes: f32_1,  # (16 + D,)
     texels: f32_4,  # (D, H, W, 4)
-    stop: ti.f32,
+    maps: f32_4,  # (G, h, w, 3 N)
+    rule: Rule,
     totals: f32_1,  # (R,): <g_C, C> + g_O O + g_D D
     # outputs
-    records: f32_3,  # (D, R, 4): gradients of the samples
+    records: f32_3,  # (D, R, 5): gradients of the samples, and their opacities
 ):
     for ray in range(ti.min(active[0], origins.shape[0])):
-        path = _path_of(planes, origins, directions, ray)
+        path = path_of(planes, origins, directions, ray)
         g = vec3(d_color[ray, 0], d_color[ray, 1], d_color[ray, 2])
         rest = totals[ray]
         through = 1.0
         for plane in range(planes.shape[0] - PLANES_PLACE):
             record = vec4(0.0)
+            records[plane, ray, 4] = 0.0
             q = planes[PLANES_PLACE + plane]
-            at = _corner_of(path, q, texels.shape[1], texels.shape[2])
-            if at.inside == 1 and through > stop:
+            at = corner_of(path, q, texels.shape[1], texels.shape[2])
+            if at.inside == 1 and through > rule.stop:
                 t = _texel(texels, plane, at)
-                slope = d_opacity[ray] + d_depth[ray] * _distance_of(path, q)
+                slope = d_opacity[ray] + d_depth[ray] * distance_of(path, q)
                 left = 1.0 - t[3]
+                if maps.shape[3] > 1:
+                    slope += g.dot(shift_of(maps, rule, path, q, plane, at))
+                records[plane, ray, 4] = t[3]
                 rest -= through * (g.dot(vec3(t[0], t[1], t[2])) + t[3] * slope)
                 record = through * vec4(g[0], g[1], g[2], slope)
-                if through * left > stop:  # otherwise the ray ends here
+                if through * left > rule.stop:  # otherwise the ray ends here
                     record[3] -= rest / left
                 through *= left
             for k in ti.static(range(4)):
@@ -266,10 +232,10 @@ def _scatter_one(
     for k in ti.static(range(4)):
         r[k] = records[plane, ray, k]
     if r[0] != 0.0 or r[1] != 0.0 or r[2] != 0.0 or r[3] != 0.0:
-        path = _path_of(planes, origins, directions, ray)
-        at = _corner_of(path, planes[PLANES_PLACE + plane], sums.shape[1], sums.shape[2])
+        path = path_of(planes, origins, directions, ray)
+        at = corner_of(path, planes[PLANES_PLACE + plane], sums.shape[1], sums.shape[2])
         for i, j in ti.static(ti.ndrange(2, 2)):
-            share = _share(at, i, j)
+            share = share_of(at, i, j)
             for k in ti.static(range(4)):
                 add(sums[plane, at.row + i, at.column + j, k], share * r[k], exact)
 
@@ -280,7 +246,7 @@ def _scatter(
     directions: f32_2,  # (R, 3)
     active: i32_1,  # (1,)
     planes: f32_1,  # (16 + D,)
-    records: f32_3,  # (D, R, 4)
+    records: f32_3,  # (D, R, 5)
     threads: ti.i32,
     exact: ti.template(),
     # outputs
@@ -293,26 +259,81 @@ def _scatter(
             _scatter_one(origins, directions, planes, records, plane, ray, exact, sums)
 
 
+@ti.func
+def _scatter_side(
+    path: Path, plane: ti.i32, ray: ti.i32, at: Corner, disparity: ti.f32, records: ti.template(),
+    maps: ti.template(), rule: Rule, exact: ti.template(), sums: ti.template(),
+):  # fmt: skip
+    """Add the gradient of a sample to its coefficients."""
+    i, j, down, right = place_of(maps, at)
+    group = plane // rule.shared
+    for k in range(maps.shape[3]):
+        side = side_of(path, disparity, rule.reach, k // 3)
+        value = records[plane, ray, 4] * side * records[plane, ray, k % 3]
+        add(sums[group, i, j, k], (1.0 - down) * (1.0 - right) * value, exact)
+        add(sums[group, i, j + 1, k], (1.0 - down) * right * value, exact)
+        add(sums[group, i + 1, j, k], down * (1.0 - right) * value, exact)
+        add(sums[group, i + 1, j + 1, k], down * right * value, exact)
+
+
+@ti.kernel
+def _scatter_shine(
+    origins: f32_2,  # (R, 3)
+    directions: f32_2,  # (R, 3)
+    active: i32_1,  # (1,)
+    planes: f32_1,  # (16 + D,)
+    height: ti.i32,
+    width: ti.i32,
+    records: f32_3,  # (D, R, 5)
+    maps: f32_4,  # (G, h, w, 3 N)
+    rule: Rule,
+    threads: ti.i32,
+    exact: ti.template(),
+    # outputs
+    sums: ti.types.ndarray(ndim=4),  # (G, h, w, 3 N), int64 if exact: added to
+):
+    for group, thread in ti.ndrange(maps.shape[0], threads):
+        rays = ti.min(active[0], origins.shape[0])
+        last = ti.min((group + 1) * rule.shared, planes.shape[0] - PLANES_PLACE)
+        for plane in range(group * rule.shared, last):
+            for turn in range((rays - thread + threads - 1) // threads):
+                ray = thread + turn * threads
+                if records[plane, ray, 4] > 0.0:
+                    path = path_of(planes, origins, directions, ray)
+                    q = planes[PLANES_PLACE + plane]
+                    at = corner_of(path, q, height, width)
+                    _scatter_side(path, plane, ray, at, q, records, maps, rule, exact, sums)
+
+
 @primitive
 def render_backward(
     d_seen: codes.Seen,
     rays: codes.Rays,
     planes: np.ndarray,
     texels: np.ndarray,
+    shine: codes.Shine | None,
     stop: float,
     seen: codes.Seen,
     d_texels: np.ndarray,
+    d_maps: np.ndarray | None,
 ) -> None:
     """Add the gradients of the texels to `d_texels` (D, H, W, 4).
 
     `d_seen` are gradients by the results of :func:`render` for the same rays, `texels` in float32,
-    and `seen`. The end of a ray is treated as constant. On CUDA `d_texels` may be int64, for
-    fixed-point numbers, whose sums do not depend on the order.
+    and `seen`. The end of a ray is treated as constant. With a `shine`, add the gradients of its
+    maps to `d_maps`, of the same shape. On CUDA these two may be int64, for fixed-point numbers,
+    whose sums do not depend on the order.
     """
     count, number = rays.origins.shape[0], texels.shape[0]
-    records = scratch((number, count, 4), np.float32)
+    records = scratch((number, count, 5), np.float32)
     totals = scratch((count,), np.float32)
     _total(*d_seen, rays.active, *seen, totals)
-    _trace(*d_seen, *rays, planes, texels, stop, totals, records)
+    _trace(*d_seen, *rays, planes, texels, *_given(shine, stop), totals, records)
     threads = 1 if on_cpu() else count
-    _scatter(*rays, planes, records, threads, d_texels.dtype == np.int64, d_texels)
+    exact = d_texels.dtype == np.int64
+    _scatter(*rays, planes, records, threads, exact, d_texels)
+    if shine is not None and d_maps is not None:
+        height, width = texels.shape[1:3]
+        _scatter_shine(
+            *rays, planes, height, width, records, *_given(shine, stop), threads, exact, d_maps
+        )

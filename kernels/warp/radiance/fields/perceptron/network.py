@@ -21,9 +21,9 @@ from cvkern.kernels.codes.radiance import (
 )
 from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp.radiance import _sums_cuda as parts_cuda
-from cvkern.kernels.warp.radiance import embeddings as light
 from cvkern.kernels.warp.radiance import encodings as encode
 from cvkern.kernels.warp.radiance._structs import Sides
+from cvkern.kernels.warp.radiance.wild import embeddings as light
 
 from . import _network_cuda as cuda
 from . import heads

@@ -11,20 +11,20 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes import radiance as codes
-from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, scratch, view
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, view
 from cvkern.kernels.warp._structs import struct_of
-from cvkern.kernels.warp.radiance._fixed_point import LIMIT, UNIT
 from cvkern.kernels.warp.radiance._structs import Rays, Seen
 
 from . import _rays_cuda as cuda
 from ._path import FIRST, corner_of, distance_of, path_of
+from ._shine import Shine, shift_of
+from ._sums import scatterer, shine_scatterer
 
 OPTIONS = {"enable_backward": False}
 wp.set_module_options(OPTIONS)
 
 LANES = wp.constant(wp.uint64(0x00FF00FF00FF00FF))
 LOW, HIGH = wp.constant(wp.uint32(0x00FF00FF)), wp.constant(wp.uint32(0xFF00FF00))
-LOST = wp.constant(wp.int64(-3 * 2**61))  # a sum with a NaN, which no summands bring back
 BYTE = wp.constant(1.0 / (255.0 * 256.0))  # one, in sums of bytes with weights of 256 in all
 
 
@@ -90,6 +90,7 @@ def renderer(texel: Any) -> wp.Kernel:
         rays: Rays,
         planes: wp.array[float],  # (16 + D,)
         texels: wp.array3d[texel],  # (D, H, W)
+        shine: Shine,
         stop: float,
         # outputs
         seen: Seen,
@@ -109,7 +110,10 @@ def renderer(texel: Any) -> wp.Kernel:
                     if at.inside:
                         t = fetch(texels, plane, at.row, at.column, at.down, at.right)
                         if t[3] > 0.0:
-                            color += through * wp.vec3(t[0], t[1], t[2])
+                            own = wp.vec3(t[0], t[1], t[2])
+                            if shine.maps.shape[3] > 0:
+                                own += t[3] * shift_of(shine, path, q, plane, at)
+                            color += through * own
                             depth += through * t[3] * distance_of(path, q)
                             through *= 1.0 - t[3]
                             if through <= stop:
@@ -124,26 +128,41 @@ def renderer(texel: Any) -> wp.Kernel:
 
 
 def render(
-    rays: codes.Rays, planes: wp.array, texels: wp.array, stop: float, seen: codes.Seen
+    rays: codes.Rays,
+    planes: wp.array,
+    texels: wp.array,
+    shine: codes.Shine | None,
+    stop: float,
+    row: int,
+    seen: codes.Seen,
 ) -> None:
     """Render the first `active` rays; a ray ends where at most the share `stop` of light is left.
 
     `texels` are (D, H, W, 4) float32, or (D, H, W) uint32 with the bytes red, green, blue, alpha
     from the lowest on; colours are premultiplied, H and W at least 2. Texels of 8 bits are
-    interpolated with weights that are multiples of 1 / 256.
+    interpolated with weights that are multiples of 1 / 256, and must not change after they were
+    first rendered: on CUDA they are kept as textures, unless there is a `shine`. `row` is the width
+    of the picture if the rays are those of its pixels, row by row, or 0.
     """
     count = rays.origins.shape[0]
     if len(texels.shape) == 4:
         texels = view(texels, wp.vec4, texels.shape[:3])
-    inputs = [struct_of(Rays, rays), planes, texels, stop]
-    if texels.device.is_cuda and texels.dtype is wp.uint32 and texels.shape[0] <= cuda.MOST:
-        whole = -(-count // BLOCK) * BLOCK
-        launch(cuda.render_bytes, whole, [count, *inputs], [struct_of(Seen, seen)])
+    inputs = [struct_of(Rays, rays), planes, texels, _shine(shine), stop]
+    words = texels.device.is_cuda and texels.dtype is wp.uint32
+    if words and shine is None and texels.shape[0] <= cuda.MOST:
+        kept = cuda.stack_of(texels)
+        given = [count, row, *inputs[:2], kept.textures, kept.filled, *texels.shape[1:], stop]
+        launch(cuda.render_bytes, cuda.threads(count, row), given, [struct_of(Seen, seen)])
         return
     launch_each(
         renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
         [struct_of(Seen, seen)],
     )  # fmt: skip
+
+
+def _shine(shine: codes.Shine | None) -> Any:
+    """Return the coefficients as a Warp structure, of an empty array if there are none."""
+    return Shine() if shine is None else struct_of(Shine, shine)
 
 
 @wp.kernel
@@ -155,10 +174,12 @@ def trace_kernel(
     rays: Rays,
     planes: wp.array[float],  # (16 + D,)
     texels: wp.array3d[wp.vec4],  # (D, H, W)
+    shine: Shine,
     stop: float,
     seen: Seen,
     # outputs
     records: wp.array2d[wp.vec4],  # (D, R): gradients of the samples
+    weights: wp.array2d[float],  # (D, R): their opacities; filled if there is a shine
 ):
     """Walk a ray again, and store the gradients of its samples."""
     height = texels.shape[1]
@@ -175,6 +196,7 @@ def trace_kernel(
             through = float(1.0)
             for plane in range(count):
                 record = wp.vec4(0.0, 0.0, 0.0, 0.0)
+                weight = float(0.0)
                 if through > stop:
                     q = planes[FIRST + plane]
                     at = corner_of(path, q, height, width)
@@ -182,6 +204,9 @@ def trace_kernel(
                         t = texel_of(texels, plane, at.row, at.column, at.down, at.right)
                         slope = g_opacity + g_depth * distance_of(path, q)
                         left = 1.0 - t[3]
+                        if shine.maps.shape[3] > 0:
+                            slope += wp.dot(g, shift_of(shine, path, q, plane, at))
+                            weight = t[3]
                         rest -= through * (wp.dot(g, wp.vec3(t[0], t[1], t[2])) + t[3] * slope)
                         behind = float(0.0)
                         if through * left > stop:  # otherwise the ray ends here
@@ -191,78 +216,8 @@ def trace_kernel(
                         )
                         through *= left
                 records[plane, ray] = record
-
-
-@cache
-def scatterer(total: Any, serial: bool) -> wp.Kernel:
-    """Return the kernel that adds the gradients of samples to texels."""
-    exact = total is wp.int64
-
-    @wp.func
-    def add(
-        sums: wp.array4d[total], plane: int, row: int, column: int, share: float, record: wp.vec4
-    ):
-        for k in range(4):
-            value = share * record[k]
-            if wp.static(exact):
-                fixed = wp.int64(wp.rint(wp.clamp(value, -LIMIT, LIMIT) / UNIT))
-                if value != value:
-                    wp.atomic_min(sums, plane, row, column, k, LOST)
-                else:
-                    wp.atomic_add(sums, plane, row, column, k, fixed)
-            elif wp.static(serial):
-                sums[plane, row, column, k] = sums[plane, row, column, k] + value
-            else:
-                wp.atomic_add(sums, plane, row, column, k, value)
-
-    @wp.func
-    def scatter_one(
-        rays: Rays,
-        planes: wp.array[float],  # (16 + D,)
-        records: wp.array2d[wp.vec4],
-        plane: int,
-        ray: int,
-        sums: wp.array4d[total],
-    ):
-        record = records[plane, ray]
-        if record[0] != 0.0 or record[1] != 0.0 or record[2] != 0.0 or record[3] != 0.0:
-            path = path_of(planes, rays, ray)
-            at = corner_of(path, planes[FIRST + plane], sums.shape[1], sums.shape[2])
-            i = at.row
-            j = at.column
-            add(sums, plane, i, j, (1.0 - at.down) * (1.0 - at.right), record)
-            add(sums, plane, i, j + 1, (1.0 - at.down) * at.right, record)
-            add(sums, plane, i + 1, j, at.down * (1.0 - at.right), record)
-            add(sums, plane, i + 1, j + 1, at.down * at.right, record)
-
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def by_plane(
-        slab: int,
-        first: int,
-        last: int,
-        rays: Rays,
-        planes: wp.array[float],  # (16 + D,)
-        records: wp.array2d[wp.vec4],  # (D, R)
-        # outputs
-        sums: wp.array4d[total],  # (D, H, W, 4): added to
-    ):
-        for plane in range(first, last):
-            for ray in range(wp.min(rays.active[0], records.shape[1])):
-                scatter_one(rays, planes, records, plane, ray, sums)
-
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def by_sample(
-        rays: Rays,
-        planes: wp.array[float],  # (16 + D,)
-        records: wp.array2d[wp.vec4],  # (D, R)
-        # outputs
-        sums: wp.array4d[total],  # (D, H, W, 4): added to
-    ):
-        plane, ray = wp.tid()
-        if ray < rays.active[0]:
-            scatter_one(rays, planes, records, plane, ray, sums)
-
-    return by_plane if serial else by_sample
+                if shine.maps.shape[3] > 0:
+                    weights[plane, ray] = weight
 
 
 def render_backward(
@@ -270,25 +225,39 @@ def render_backward(
     rays: codes.Rays,
     planes: wp.array,
     texels: wp.array,
+    shine: codes.Shine | None,
     stop: float,
     seen: codes.Seen,
     d_texels: wp.array,
+    d_maps: wp.array | None,
 ) -> None:
     """Add the gradients of the texels to `d_texels` (D, H, W, 4).
 
     `d_seen` are gradients by the results of :func:`render` for the same rays, `texels` in float32,
-    and `seen`. The end of a ray is treated as constant. On CUDA `d_texels` may be int64, for
-    fixed-point numbers, whose sums do not depend on the order.
+    and `seen`. The end of a ray is treated as constant. With a `shine`, add the gradients of its
+    maps to `d_maps`, of the same shape. On CUDA these two may be int64, for fixed-point numbers,
+    whose sums do not depend on the order.
     """
     count, number = rays.origins.shape[0], texels.shape[0]
     device = d_texels.device
     records = scratch("planes.records", (number, count), wp.vec4, device)
-    given = struct_of(Rays, rays), planes
+    room = (1, 1) if shine is None else (number, count)
+    weights = scratch("planes.weights", room, wp.float32, device)
+    given, maps = (struct_of(Rays, rays), planes), _shine(shine)
     packed = view(texels, wp.vec4, texels.shape[:3])
-    inputs = [struct_of(Seen, d_seen), *given, packed, stop, struct_of(Seen, seen)]
-    launch_each(trace_kernel, count, 16 * number * count, inputs, [records])
-    kernel = scatterer(d_texels.dtype, not device.is_cuda)
-    if device.is_cuda:
-        launch(kernel, (number, count), [*given, records], [d_texels])
-    else:
+    inputs = [struct_of(Seen, d_seen), *given, packed, maps, stop, struct_of(Seen, seen)]
+    launch_each(trace_kernel, count, 16 * number * count, inputs, [records, weights])
+    serial = not device.is_cuda
+    kernel = scatterer(d_texels.dtype, serial)
+    if serial:
         launch_slabs(kernel, number, number, [*given, records], [d_texels])
+    else:
+        launch(kernel, (number, count), [*given, records], [d_texels])
+    if d_maps is None:
+        return
+    kernel = shine_scatterer(d_maps.dtype, serial)
+    inputs = [*given, wp.vec2i(*texels.shape[1:3]), records, weights, maps]
+    if serial:
+        launch_slabs(kernel, d_maps.shape[0], number, inputs, [d_maps])
+    else:
+        launch(kernel, (number, count), inputs, [d_maps])

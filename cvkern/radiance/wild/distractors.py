@@ -49,7 +49,7 @@ class Distractors:
 
         `places` are the photographs and the pixels of the rays.
         """
-        kernels = self.rt.radiance.distractors
+        kernels = self.rt.radiance.wild.distractors
         kernels.weigh(errors, *places, active, self.patches, *gradients, self._moments)
         self.rt.radiance.training.background.gather(
             self._moments, active, self._parts, self._totals
@@ -59,7 +59,7 @@ class Distractors:
     def tend(self, step: int) -> None:
         """Update the patches periodically."""
         if step % EVERY == 0:
-            self.rt.radiance.distractors.settle(self.patches, START, WEIGHT, REMEMBERED)
+            self.rt.radiance.wild.distractors.settle(self.patches, START, WEIGHT, REMEMBERED)
 
     def state(self) -> dict[str, np.ndarray]:
         """Return the arrays to save."""

@@ -1,5 +1,5 @@
 // needs THREADS
-// Choose hypotheses in one block, a thread each; hypotheses.py has the rule.
+// Choose hypotheses in one block, a thread each; choices.py has the rule.
 void explain(wp::array_t<int> ranked, wp::array_t<int> savings, wp::array_t<int> shared,
              wp::array_t<int> starts, int least, wp::array_t<int> found) {
     typedef long long longs;

@@ -11,6 +11,8 @@ that it is the mean squared error of the channels where a = 0 [Martin-Brualla et
 wild", 2021]. With D = 2/3 (least / b)^2 (C - P) and E = S (1 / b - |C - P|^2 / b^3),
 
     dL/dF = (1 - a) D,    dL/da = <D, c - F> + E doubt,    dL/dc = a D,    dL/d doubt = a E.
+
+One thread takes a ray. Gradients of the numbers are added to the four nodes around its pixel.
 """
 
 from functools import cache

@@ -11,7 +11,7 @@ THREADS = 256  # a power of two
 assert MOST_HYPOTHESES <= THREADS
 
 
-@_native.kernel("_hypotheses_cuda.cu", THREADS=THREADS)
+@_native.kernel("_choices_cuda.cu", THREADS=THREADS)
 def explain(
     ranked: wp.array2d[int],  # (R, 4)
     savings: wp.array[int],

@@ -39,7 +39,7 @@ class Embedding:
 
     def backward(self, field: Any, views: Any, active: Any) -> None:
         """Sum the gradients of the last backward pass of a `SampledField` by photographs."""
-        kernels = self.rt.radiance.embeddings
+        kernels = self.rt.radiance.wild.embeddings
         kernels.sum_rays(field.d_lights(), field.spans, active, self._d_rays)
         kernels.sum_views(self._d_rays, views, active, self._parts, self.table.gradients)
 

@@ -7,8 +7,9 @@ scene with the probability
 
     w = 1 / (1 + exp(-z)),    z = log(p / (1 - p)) - 3/2 e / v - 3/2 log(2 pi v),
 
-which weighs its gradients. v is the mean of e weighted by w, and p that of w over the patch and its
-neighbours.
+which weighs its gradients. v is the mean of e weighted by w, and p is the mean of w over the patch
+and its neighbours: expectation maximisation for a mixture of two distributions [Bishop, "Pattern
+recognition and machine learning", 2006, section 9.3]. One thread takes a ray, or a patch.
 """
 
 import math

@@ -61,7 +61,7 @@ class Passing:
         gradients: tuple[Any, Any, Any],
     ) -> None:
         """Fill the errors, and the gradients by colours, opacities and backgrounds."""
-        kernels = self.rt.radiance.transient
+        kernels = self.rt.radiance.wild.transient
         kernels.loss(
             *seen, targets, *places, active, comparison, self.head, errors,
             WildGradients(*gradients, self._d_head),

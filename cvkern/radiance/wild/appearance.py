@@ -9,13 +9,13 @@ import numpy as np
 from cvkern._checks import as_array, check_instance
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT_PARTS, AdamRule
-from cvkern.radiance.embeddings import search
 from cvkern.radiance.fields.field import Learning, View
 from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import APPEARANCE, Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.rendering import Renderer, owned, render
+from cvkern.radiance.wild.embeddings import search
 
 __all__ = ["fit_appearance"]
 
@@ -38,12 +38,12 @@ class Appearance:
     def forward(self, color: Any, opacity: Any, views: Any) -> Any:
         """Return composited colours in the light of their photographs, `views` (R,)."""
         self._seen = color, opacity, views
-        self.rt.radiance.appearance.apply(*self._seen, self.table.values, self.shown)
+        self.rt.radiance.wild.appearance.apply(*self._seen, self.table.values, self.shown)
         return self.shown
 
     def backward(self, active: Any, d_color: Any, d_opacity: Any) -> None:
         """Turn gradients by the colours of :meth:`forward` into those by the composited ones."""
-        self.rt.radiance.appearance.backward(
+        self.rt.radiance.wild.appearance.backward(
             *self._seen, self.table.values, active, d_color, d_opacity, self._parts,
             self.table.gradients,
         )  # fmt: skip

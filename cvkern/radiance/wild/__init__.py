@@ -1,0 +1,1 @@
+"""Photographs of changing light and crowds."""

@@ -1,0 +1,114 @@
+"""Points along lines, cut into runs at gaps, in Warp; _runs.py has the kernels."""
+
+import warp as wp
+
+from cvkern.kernels.codes.hough import DENSITY, PARTIAL
+from cvkern.kernels.warp._launch import current_stream, launch_each, scratch
+from cvkern.kernels.warp._sums import scan
+
+from . import _runs as each
+
+
+def prepare(
+    points: wp.array, directions: wp.array, parts: float, fixed: wp.array, codes: wp.array
+) -> None:
+    """Round points to fixed point, and directions to their codes."""
+    _launch(each.prepare, points, [points, directions, parts], [fixed, codes])
+
+
+def cut(
+    points: wp.array,
+    codes: wp.array,
+    labels: wp.array,
+    lines: wp.array,
+    normals: wp.array,
+    limits: tuple[float, float],
+    order: wp.array,
+    runs: wp.array,
+    chosen: wp.array,
+    total: wp.array,
+) -> None:
+    """Sort points along their lines, cut them at gaps, and list the long and dense runs.
+
+    `lines` are cosines and sines, (2, K), and `limits` the largest gap and the least length. Points
+    of both sides of a line are apart. `order` has 2 N elements: the sort needs the second half.
+    """
+    max_gap, least = limits
+    number, none, device = points.shape[0], 2 * lines.shape[1], points.device
+    keys = scratch("runs.keys", (2 * number,), wp.int64, device)
+    along = scratch("runs.along", (number,), wp.float64, device)
+    placed = scratch("runs.sorted", (number,), wp.float64, device)
+    ranks = scratch("runs.ranks", (number,), wp.int32, device)
+    places = scratch("runs.places", (number,), wp.int32, device)
+    begins = scratch("runs.begins", (number + 1,), wp.int32, device)
+    _launch(each.place, points, [points, codes, labels, lines, normals], [keys, order, along])
+    _sort(keys, order, number, 32 + none.bit_length())
+    _launch(each.gather, points, [keys, order, along, none, max_gap], [placed, ranks])
+    scan(ranks)
+    _launch(each.begin_runs, points, [ranks], [begins])
+    inputs = [keys, placed, ranks, begins, none, least, DENSITY]
+    _launch(each.choose, points, inputs, [places])
+    scan(places)
+    _launch(each.mark, points, [order, ranks, begins, places], [runs, chosen, total])
+
+
+def add_up(
+    points: wp.array, directions: wp.array, order: wp.array, runs: wp.array, sums: wp.array
+) -> None:
+    """Add up rows and columns, their squares and products, from the first point of each run.
+
+    Before these sums, `sums` (S, 8) has row, column and direction of the first point.
+    """
+    number = sums.shape[0]
+    partial = scratch("runs.partial", (number, PARTIAL, each.SUMS), wp.float64, sums.device)
+    launch_each(each.add_up, number * PARTIAL, points.size, [points, order, runs], [partial])
+    inputs = [points, directions, order, runs]
+    launch_each(each.finish, number * each.SUMS, partial.size, inputs, [partial, sums])
+
+
+def reach(
+    points: wp.array, order: wp.array, runs: wp.array, lines: wp.array, ends: wp.array
+) -> None:
+    """Find the least and the largest place of each run along its line."""
+    number = ends.shape[0]
+    partial = scratch("runs.partial", (number, PARTIAL, 2), wp.float64, ends.device)
+    inputs = [points, order, runs, lines]
+    launch_each(each.reach, number * PARTIAL, points.size, inputs, [partial])
+    launch_each(each.join, number, partial.size, [partial], [ends])
+
+
+def pass_on(labels: wp.array, chosen: wp.array, after: wp.array) -> None:
+    """Return the label that a point has to come after: its own, unless it is in a run."""
+    _launch(each.pass_on, labels, [labels, chosen], [after])
+
+
+def keep(
+    points: wp.array,
+    directions: wp.array,
+    chosen: wp.array,
+    left_points: wp.array,
+    left_directions: wp.array,
+    total: wp.array,
+) -> None:
+    """List the points that are in no run, in their order."""
+    places = scratch("runs.places", (chosen.shape[0],), wp.int32, chosen.device)
+    _launch(each.count_left, points, [chosen], [places])
+    scan(places)
+    outputs = [left_points, left_directions, total]
+    _launch(each.keep, points, [points, directions, places], outputs)
+
+
+def _launch(kernel: wp.Kernel, items: wp.array, inputs: list, outputs: list) -> None:
+    launch_each(kernel, items.shape[0], items.shape[0], inputs, outputs)
+
+
+def _sort(keys: wp.array, order: wp.array, number: int, bits: int) -> None:
+    """Sort by the lower bits of keys; equal keys stay in their order.
+
+    Arrays have room for twice the number.
+    """
+    if keys.device.is_cuda:
+        with wp.ScopedStream(current_stream(keys.device), sync_enter=False):
+            wp.utils.radix_sort_pairs(keys, order, number, end_bit=bits)
+    else:
+        wp.utils.radix_sort_pairs(keys, order, number, end_bit=bits)
