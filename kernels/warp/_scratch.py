@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import math
 import os
 import threading
@@ -145,6 +146,10 @@ def release() -> None:
         for key, block in list(blocks.items()):
             if block.bytes_on_host:
                 blocks.pop(key, None)
+    with contextlib.suppress(
+        OSError, TypeError, AttributeError
+    ):  # glibc keeps what is freed unless asked
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @contextlib.contextmanager

@@ -45,7 +45,8 @@ def test_photographs_of_a_place_share_words(places):
 
 def test_likeness_is_that_of_numpy(places):
     """The cosines of words that weigh sqrt(n) log(N / N_word)."""
-    places[0] = described(np.concatenate([places[0].descriptors] * 3))  # of repeated things
+    # A photograph of repeated things.
+    places[0] = described(np.concatenate([places[0].descriptors] * 3))
     rt = runtime(places[0].descriptors)
     words = np.asarray(_vocabulary.learn_words(rt, places)).astype(int)
     numbers = np.array([
