@@ -22,11 +22,13 @@ from cvkern import _arrays
 from cvkern._arrays import NUMPY, Library, Order
 from cvkern._checks import as_items
 from cvkern._kernels import Folder
+from cvkern._memory import trim
 from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
 KERNEL_SETS = ("warp", "taichi")
 # The framework that each set is written in, and the package that installs it.
 PACKAGES = {"warp": ("warp", "warp-lang"), "taichi": ("taichi", "taichi")}
+DEVICES = "'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal'"
 _MAX_CONSTANTS = 256
 
 _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
@@ -45,6 +47,7 @@ class use:
         The kernel set; unchanged when omitted.
     device : str, optional
         ``"cpu"``, ``"cuda"`` or ``"cuda:N"``: the device that computes calls on NumPy arrays.
+        Taichi also has ``"vulkan"``, for GPUs of any maker, and ``"metal"``, which is untried.
         Calls on arrays of a GPU always run on that GPU. Unchanged when omitted.
 
     Raises
@@ -64,13 +67,9 @@ class use:
     """
 
     def __init__(self, backend: str | None = None, device: str | None = None):
-        old_backend, old_device = _chosen.get() or _environment()
-        self._token = _chosen.set(
-            _checked(
-                old_backend if backend is None else backend,
-                old_device if device is None else device,
-            )
-        )
+        before = _chosen.get() or _environment()
+        new = (b if a is None else a for a, b in zip((backend, device), before, strict=True))
+        self._token = _chosen.set(_checked(*new))
 
     def __enter__(self) -> use:
         return self
@@ -97,8 +96,8 @@ def _environment() -> tuple[str, str]:
 def _checked(backend: str, device: str) -> tuple[str, str]:
     if not isinstance(backend, str) or backend not in KERNEL_SETS:
         raise ValueError(f"backend must be one of {KERNEL_SETS}, got {backend!r}")
-    if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?", device):
-        raise ValueError(f"device must be 'cpu', 'cuda' or 'cuda:N', got {device!r}")
+    if not isinstance(device, str) or not re.fullmatch(r"cpu|cuda(:\d+)?|vulkan|metal", device):
+        raise ValueError(f"device must be {DEVICES}, got {device!r}")
     device = "cuda:0" if device == "cuda" else device
     _refuse_absent(backend, device)
     return backend, device
@@ -144,7 +143,7 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
     -------
     tuple of str
         ``"cpu"``, then ``"cuda:N"`` for each GPU, as :class:`use` takes them. Taichi drives only
-        the first GPU.
+        the first GPU; it adds ``"vulkan"`` and ``"metal"`` where there are drivers.
 
     Raises
     ------
@@ -166,12 +165,11 @@ def devices(backend: str | None = None) -> tuple[str, ...]:
 def release_memory() -> None:
     """Free the memory that cvkern keeps for later calls.
 
-    Each thread keeps the scratch memory of its calls, so that the next call need not allocate it:
-    on the host at most ``CVKERN_SCRATCH_MB`` mebibytes in all threads together, by default 1024.
-    This function frees all scratch memory on the host, the scratch memory of this thread on GPUs,
-    and the pinned host memory for results, and gives it back to the system. Other threads free
-    theirs on GPUs at their next call that uses scratch memory. Running calls of other threads are
-    not disturbed. The memory of a captured call (:func:`capture`) stays.
+    Each thread keeps the scratch memory of its calls: on the host at most ``CVKERN_SCRATCH_MB``
+    mebibytes in all threads together, by default 1024. This function frees all scratch memory on
+    the host, that of this thread on GPUs, and the pinned host memory for results. Other threads
+    free theirs on GPUs at their next call that uses some. Running calls of other threads are not
+    disturbed. The memory of a captured call (:func:`capture`) stays.
 
     Raises
     ------
@@ -188,6 +186,7 @@ def release_memory() -> None:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:
             loaded.release_memory()
+    trim()
 
 
 class Runtime(Folder):
@@ -199,7 +198,9 @@ class Runtime(Folder):
     def __init__(self, name: str, device: str, library: Library):
         importlib.import_module("cvkern.kernels._threads").cpu_threads()  # checks the environment
         super().__init__(f"cvkern.kernels.{name}")
-        self.name, self.device, self.library = name, device, library
+        self._place = device
+        self.name, self.library = name, library
+        self.device = device = "cpu" if device in ("vulkan", "metal") else device
         self._set = _kernel_set(name)
         self._constants: dict[Any, Any] = {}
         # The caller's library allocates results, unless kernels cannot write to its arrays there.
@@ -208,8 +209,8 @@ class Runtime(Folder):
 
     def start(self) -> None:
         """Prepare the kernel set for this thread, on the caller's stream."""
-        device = self.device
-        self._set.start(device, None if device == "cpu" else self.library.stream(device))
+        stream = None if self.device == "cpu" else self.library.stream(self.device)
+        self._set.start(self._place, stream)
 
     def adopt(self, array: Any, dtype: Any = np.float32, shape: Any = None) -> Any:
         """View `array` for kernels: contiguous, of `dtype` and `shape`, copied only if necessary.
@@ -388,8 +389,6 @@ def runtime(*arrays: Any) -> Runtime:
     if places:
         device = places.pop()
     key = (name, device, library)
-    rt = _runtimes.get(key)
-    if rt is None:
-        rt = _runtimes.setdefault(key, Runtime(name, device, library))
+    rt = _runtimes.get(key) or _runtimes.setdefault(key, Runtime(name, device, library))
     rt.start()
     return rt

@@ -8,6 +8,7 @@ import warp
 
 import cvkern
 from cvkern._checks import MAX_ELEMENTS
+from cvkern._runtime import DEVICES
 from tests.refusals import DEEP, EVERY, FILTERS, FLAT, HUGE, PHOTOGRAPHS, refused
 
 pytestmark = pytest.mark.usefixtures("no_kernel_runs")
@@ -326,10 +327,10 @@ def test_rows_that_differ():
         ({"backend": "cuda"}, "backend must be one of ('warp', 'taichi'), got 'cuda'"),
         ({"backend": "Warp"}, "backend must be one of ('warp', 'taichi'), got 'Warp'"),
         ({"backend": ""}, "backend must be one of ('warp', 'taichi'), got ''"),
-        ({"device": "gpu"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'gpu'"),
-        ({"device": "cuda:"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:'"),
-        ({"device": "cuda:-1"}, "device must be 'cpu', 'cuda' or 'cuda:N', got 'cuda:-1'"),
-        ({"device": ""}, "device must be 'cpu', 'cuda' or 'cuda:N', got ''"),
+        ({"device": "gpu"}, f"device must be {DEVICES}, got 'gpu'"),
+        ({"device": "cuda:"}, f"device must be {DEVICES}, got 'cuda:'"),
+        ({"device": "cuda:-1"}, f"device must be {DEVICES}, got 'cuda:-1'"),
+        ({"device": ""}, f"device must be {DEVICES}, got ''"),
     ],
 )
 def test_use(options, message):
@@ -341,7 +342,7 @@ def test_use_of_a_wrong_type():
     refused(
         ValueError, "backend must be one of ('warp', 'taichi'), got 3", cvkern.use, backend=wrong
     )
-    refused(ValueError, "device must be 'cpu', 'cuda' or 'cuda:N', got 3", cvkern.use, device=wrong)
+    refused(ValueError, f"device must be {DEVICES}, got 3", cvkern.use, device=wrong)
 
 
 def test_tensors_that_require_grad():

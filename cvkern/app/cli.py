@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 import cvkern
+from cvkern.app._folders import over_folders
 from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, progress_bar
-from cvkern.app.commands._folders import over_folders
 from cvkern.app.commands.calibrate import calibrate
 from cvkern.app.commands.cameras import cameras
 from cvkern.app.commands.circles import circles

@@ -189,12 +189,17 @@ def _overlap(
         x, y = low - rect[:2]
         w, h = high - low
         cuts.append((slice(y, y + h, step), slice(x, x + w, step)))
-    there = (weights[i][cuts[0]] > 0) & (weights[j][cuts[1]] > 0)
-    a, b = (values[n][:, cut[0], cut[1]][:, there] for n, cut in ((i, cuts[0]), (j, cuts[1])))
-    fair = (np.minimum(a, b).min(axis=0, initial=white) > DARK * white) & (
-        np.maximum(a, b).max(axis=0, initial=0) < BRIGHT * white
+    there = ((weights[i][cuts[0]] > 0) & (weights[j][cuts[1]] > 0)).ravel()
+    # Colours one by one, as NumPy reduces contiguous rows fastest.
+    a, b = (
+        [colour[cut].ravel() for colour in values[n]] for n, cut in ((i, cuts[0]), (j, cuts[1]))
     )
-    if fair.sum() < LEAST_SAMPLES:
+    fair = there.copy()
+    for c, d in zip(a, b, strict=True):
+        fair &= np.minimum(c, d) > DARK * white
+        fair &= np.maximum(c, d) < BRIGHT * white
+    if np.count_nonzero(fair) < LEAST_SAMPLES:
         return None
-    number = a.shape[1] * step * step
-    return a[:, fair].mean(axis=1) / white, b[:, fair].mean(axis=1) / white, number
+    number = int(np.count_nonzero(there)) * step * step
+    means = np.array([[c[fair].mean(dtype=np.float64) for c in side] for side in (a, b)]) / white
+    return means[0], means[1], number

@@ -20,6 +20,7 @@ CODES = 256
 ENDS = 4  # codes at either end of the scale that may be clipped
 # Weight of how the curve bends over log2 of its codes, beside the mean weight of one.
 SMOOTH = 3000.0
+OUTLYING = 3.0  # standard deviations at which a value counts half
 ROUNDS, STILL = 40, 1e-4  # at most so many of Robertson's, until the curve moves less
 
 
@@ -57,10 +58,10 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     -----
     All unknown radiances are eliminated, so that up to 2^17 pixels take part, on a grid, and 2^21
     values of all exposures. Values near 0 and 255, which may be clipped, count less, by the square
-    of their distance. A second fit weighs them by the inverse of the error that a step of one makes
-    after the first. The curve is made on the host. Robertson's turns begin with a line and converge
-    slowly: after 40 of them, the curve of a gamma is still off by a tenth of a stop, where least
-    squares is off by a hundredth.
+    of their distance. Two further fits weigh them by the inverse of the error that a step of one
+    makes after the one before, the last one also by how well a pixel's values agree. The curve is
+    made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
+    curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
 
     References
     ----------
@@ -229,22 +230,36 @@ def _centre(codes: np.ndarray) -> np.ndarray:
 
 
 def _debevec(values: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Fit the curve twice: the second time, values also weigh as the first one says."""
+    """Fit the curve three times: then values also weigh by the last one, and by how far off it."""
     z, logs = values.astype(np.int64), np.log2(times)
-    weight = _centre(np.arange(CODES)) ** 2
-    curve = _fitted(z, logs, weight)
-    return _fitted(z, logs, np.sqrt(_precision(curve[:, None])[:, 0]))
+    curve = _fitted(z, logs, (_centre(np.arange(CODES)) ** 2)[z])
+    share = np.sqrt(_precision(curve[:, None])[:, 0])
+    curve = _fitted(z, logs, share[z])
+    share = np.sqrt(_precision(curve[:, None])[:, 0])
+    return _fitted(z, logs, share[z] * _trust(z, logs, curve, share))
 
 
-def _fitted(z: np.ndarray, logs: np.ndarray, weight: np.ndarray) -> np.ndarray:
+def _trust(z: np.ndarray, logs: np.ndarray, curve: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Return Cauchy's weight of each value: less, the further its pixel's others say it is off.
+
+    What moved, is not aligned, or lost its colour in a JPEG file would else bend the curve.
+    """
+    w, light = share[z], curve[z] - logs[:, None]
+    mean = (w * light).sum(axis=0) / np.maximum(w.sum(axis=0), 1e-12)
+    off = np.abs(light - mean) * w
+    among = off[(w > 1e-3 * w.max()) & ((w > 0).sum(axis=0) > 1)]
+    scale = 1.4826 * float(np.median(among)) if among.size else 0.0
+    return 1 / (1 + (off / max(OUTLYING * scale, 1e-9)) ** 2)
+
+
+def _fitted(z: np.ndarray, logs: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Minimise ``sum w (g(z) - log2 E - log2 t)^2``, and how g bends over log2 z.
 
     Second differences of g are those of a line over ``u = log2(z + 1/2)``, which a power of z is,
     and what is left of them: only that is held small.
     """
-    w = weight[z]
-    total = w.sum(axis=0)
-    z, w, total = z[:, total > 0], w[:, total > 0], total[total > 0]
+    total = weights.sum(axis=0)
+    z, w, total = z[:, total > 0], weights[:, total > 0], total[total > 0]
     mean = (w * logs[:, None]).sum(axis=0) / total
     matrix, right = np.zeros((CODES, CODES)), np.zeros(CODES)
     for i, a in enumerate(z):
@@ -310,8 +325,12 @@ def _robertson(values: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def _rising(curve: np.ndarray) -> np.ndarray:
-    curve = np.maximum.accumulate(curve)
-    return curve - curve[CODES // 2]
+    """Make a curve rise, from its middle, 0, both ways: few values tell its ends."""
+    middle = CODES // 2
+    curve = curve - curve[middle]
+    upper = np.maximum.accumulate(curve[middle:].clip(0))
+    lower = np.minimum.accumulate(curve[middle::-1].clip(None, 0))[::-1]
+    return np.concatenate([lower[:-1], upper])
 
 
 def _precision(curves: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from cvkern.edges.quantiles import ranks_of
 from cvkern.edges.slopes import find_slopes
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
 
+_FEW = 0.02  # share of weak pixels up to which a graph of them is faster than a flood of the tile
 _EDGE = 1  # node of all pixels that are edges already; 0 is no node
 Place = tuple[slice, slice]
 
@@ -116,10 +117,7 @@ class Seams:
         states = np.ascontiguousarray(states)
         edges = _flooded(states)
         kept = {"rows": edges[[0, -1]], "columns": edges[:, [0, -1]]}
-        states[edges] = Edge.NONE  # the others are weak
-        for rim in (states[0], states[-1], states[:, 0], states[:, -1]):
-            rim[rim > 0] = Edge.STRONG
-        places = np.flatnonzero(_flooded(states)).astype(np.int32)
+        places = _reaching((states == Edge.WEAK) & ~edges)
         packed = zlib.compress(np.diff(places, prepend=np.int32(0)).tobytes(), 1)
         return edges, {**kept, "undecided": np.frombuffer(packed, np.uint8)}
 
@@ -184,10 +182,32 @@ def _flooded(states: np.ndarray) -> np.ndarray:
     return rt.release(mask)
 
 
+def _reaching(weak: np.ndarray) -> np.ndarray:
+    """Return the places of weak pixels that weak ones connect with the border, int32."""
+    height, width = weak.shape
+    places = np.flatnonzero(weak)
+    if len(places) > weak.size * _FEW:
+        states = np.where(weak, np.uint8(Edge.WEAK), np.uint8(Edge.NONE))
+        for rim in (states[0], states[-1], states[:, 0], states[:, -1]):
+            rim[rim > 0] = Edge.STRONG
+        return np.flatnonzero(_flooded(states)).astype(np.int32)
+    labels, count = _pieces(places, width)
+    rows, columns = np.divmod(places, width)
+    rim = (rows % (height - 1 or 1) == 0) | (columns % (width - 1 or 1) == 0)
+    reaches = np.zeros(count, bool)
+    reaches[labels[rim]] = True
+    return places[reaches[labels]].astype(np.int32)
+
+
 def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:
     """Return the undecided pixels of a tile, the piece of each, and the number of pieces."""
     steps = np.frombuffer(zlib.decompress(packed), np.int32)
     places = np.cumsum(steps, dtype=np.int64)
+    return places, *_pieces(places, width)
+
+
+def _pieces(places: np.ndarray, width: int) -> tuple[np.ndarray, int]:
+    """Return the piece of each pixel, given ascending places, and the number of pieces."""
     column = places % width
     pairs = []
     for step, ends in ((1, width - 1), (width - 1, 0), (width, -1), (width + 1, width - 1)):
@@ -197,7 +217,7 @@ def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:
         found &= column != ends
         pairs.append(np.stack((np.flatnonzero(found), at[found])))
     labels = _components(np.concatenate(pairs, axis=1), len(places))
-    return places, labels, int(labels.max(initial=-1)) + 1
+    return labels, int(labels.max(initial=-1)) + 1
 
 
 def _components(pairs: np.ndarray, nodes: int) -> np.ndarray:

@@ -1,10 +1,13 @@
-"""One function over many files, on threads, on workers of Dask, or on actors of Ray."""
+"""One function over many files: on threads, processes, workers of Dask, or actors of Ray."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +23,7 @@ from cvkern.images._formats import PHOTOGRAPHS
 from cvkern.images.files import read_image, write_image
 
 ARRAYS = ".npy", ".npz"
-RETRIES = 2  # how often Ray tries a file again whose actor died
+RETRIES = 2  # how often a file is tried again whose process or actor died
 
 
 class Report(NamedTuple):
@@ -70,24 +73,24 @@ def map_images(
         Image files (:func:`cvkern.images.read_image`). Of a folder, its photographs.
     function : function or str
         Called with an image, (H, W) or (H, W, C), and the options; or the name of a function of
-        cvkern. For Dask and Ray it must be picklable.
+        cvkern. For all engines but threads it must be picklable.
     target : path
         The folder of the results, which is made if need be. A result has the name of its file, with
         `suffix`.
     suffix : str, default '.npy'
         '.npy' for an array, '.npz' for a tuple of arrays (named by the fields of a named tuple), or
         an image format as '.png' (:func:`cvkern.images.write_image`).
-    engine : {'threads', 'dask', 'ray'} or distributed.Client, default 'threads'
-        'dask' starts that many workers on this machine, and a client uses the workers it has. 'ray'
-        uses the cluster to which ``ray.init`` connected, or starts one on this machine. Workers
-        must see the files under the same paths.
+    engine : {'threads', 'processes', 'dask', 'ray'} or distributed.Client, default 'threads'
+        Processes are new ones: a script needs its ``if __name__ == "__main__"``. 'dask' starts that
+        many workers on this machine, and a client uses the workers it has. 'ray' uses the cluster
+        to which ``ray.init`` connected, or starts one on this machine. Workers must see the files
+        under the same paths.
     workers : int, default 2
-        Number of threads, of workers, or of actors.
+        Number of threads, processes, workers, or actors.
     device : str, optional
-        As :class:`cvkern.use` takes it; by default that in use, with the kernel
-        set in use. With 'cuda', threads share the GPUs
-        of this machine in turn, and each actor of Ray has a GPU of its own. A worker of Dask uses
-        the first GPU that its environment shows.
+        As :class:`cvkern.use` takes it; by default that in use, with the kernel set in use. With
+        'cuda', threads and processes share the GPUs of this machine in turn, and each actor of Ray
+        has a GPU of its own. A worker of Dask uses the first GPU that its environment shows.
     overwrite : bool, default False
         Compute results that are there already once more.
     progress : callable, optional
@@ -117,8 +120,9 @@ def map_images(
 
     Notes
     -----
-    A file whose worker of Dask or Ray died goes to another one, three times at most in all for Ray,
-    and as ``distributed.scheduler.allowed-failures`` says for Dask.
+    A file whose process, worker or actor died is tried again, three times at most in all, or as
+    ``distributed.scheduler.allowed-failures`` says for Dask. Threads of Python hinder each other in
+    short calls: several GPUs want processes or Ray.
 
     Examples
     --------
@@ -240,16 +244,24 @@ Results = Iterator[tuple[str, str]]
 def _engine(engine: Any, workers: int, device: str) -> Any:
     if engine == "threads":
         return _threads(workers, device)
+    if engine == "processes":
+        return _processes(workers, device)
     if engine == "ray":
         return _ray(workers, device)
     if engine == "dask" or hasattr(engine, "submit"):
         return _dask(workers, None if engine == "dask" else engine)
-    raise ValueError(f"engine must be 'threads', 'dask', 'ray' or a client of Dask, got {engine!r}")
+    kinds = "'threads', 'processes', 'dask', 'ray' or a client of Dask"
+    raise ValueError(f"engine must be {kinds}, got {engine!r}")
+
+
+def _places(device: str) -> list[str]:
+    """Return the devices that workers of this machine take in turn."""
+    return [d for d in cvkern.devices() if d != "cpu"] if device == "cuda" else [device]
 
 
 @contextmanager
 def _threads(workers: int, device: str) -> Iterator[Callable[[list[Task]], Results]]:
-    places = [d for d in cvkern.devices() if d != "cpu"] if device == "cuda" else [device]
+    places = _places(device)
 
     def run(tasks: list[Task]) -> Results:
         free = [places[n % len(places)] for n in range(workers)]
@@ -267,6 +279,38 @@ def _threads(workers: int, device: str) -> Iterator[Callable[[list[Task]], Resul
 
     with ThreadPoolExecutor(workers) as pool:
         yield run
+
+
+@contextmanager
+def _processes(workers: int, device: str) -> Iterator[Callable[[list[Task]], Results]]:
+    places, context = _places(device), multiprocessing.get_context("spawn")
+    # A pool for each process, because the death of one ends its whole pool.
+    pools = [ProcessPoolExecutor(1, context) for _ in range(workers)]
+
+    def run(tasks: list[Task]) -> Results:
+        free, running = list(range(workers)), {}
+        waiting = deque((task, 0) for task in tasks)
+        while waiting or running:
+            while free and waiting:
+                at, (task, tries) = free.pop(), waiting.popleft()
+                sent = task._replace(device=places[at % len(places)])
+                running[pools[at].submit(process, sent)] = task, tries, at
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                task, tries, at = running.pop(future)
+                free.append(at)
+                error = future.exception()
+                if isinstance(error, BrokenProcessPool):
+                    pools[at] = ProcessPoolExecutor(1, context)
+                    if tries < RETRIES:
+                        waiting.append((task, tries + 1))
+                        continue
+                yield task.path, f"{type(error).__name__}: {error}" if error else future.result()
+
+    try:
+        yield run
+    finally:
+        for pool in pools:
+            pool.shutdown(cancel_futures=True)
 
 
 @contextmanager

@@ -1,8 +1,8 @@
 """The Taichi kernel set: arrays here, primitives in the modules of this folder.
 
-Arrays are NumPy's on the CPU. On CUDA they are Warp's, which provide memory and DLPack without
-torch; Taichi gets their addresses. Modules of this folder must not use
-``from __future__ import annotations``, because Taichi reads annotations as objects.
+Arrays are NumPy's on the CPU, and for Vulkan and Metal (_staging.py). On CUDA they are Warp's,
+which provide memory and DLPack without torch; Taichi gets their addresses. Modules of this folder
+must not use ``from __future__ import annotations``, because Taichi reads annotations as objects.
 """
 
 import contextlib

@@ -16,6 +16,8 @@ import taichi as ti
 from cvkern.kernels import _cache
 from cvkern.kernels._threads import cpu_threads
 
+from . import _staging
+
 P = ParamSpec("P")
 
 # Taichi compiles and launches on one thread at a time.
@@ -39,7 +41,14 @@ class _Caller(threading.local):
 
 _program = _Program()
 _caller = _Caller()
-_ARCHS = {"cpu": ti.cpu, "cuda": ti.cuda, "cuda:0": ti.cuda}
+_ARCHS = {
+    "cpu": ti.cpu,
+    "cuda": ti.cuda,
+    "cuda:0": ti.cuda,
+    "vulkan": ti.vulkan,
+    "metal": ti.metal,
+}
+STAGED = ("vulkan", "metal")  # devices whose kernels take arrays of the host
 _LEGACY = (0, 1)  # names of CUDA's default stream, the only one that Taichi launches on
 
 
@@ -54,8 +63,9 @@ def start(device: str, stream: int | None = None) -> None:
     ValueError
         If Taichi cannot drive `device` here; of several GPUs it drives only the first.
     RuntimeError
-        If other code in this process has a Taichi program, because starting ours would destroy its
-        fields. Also in a forked child of a process that started Taichi.
+        If a driver of Vulkan or Metal computes wrongly, or if other code in this process has a
+        Taichi program, because starting ours would destroy its fields. Also in a forked child of a
+        process that started Taichi.
     """
     arch = _ARCHS.get(device)
     if arch is None or not ti.lang.misc.is_arch_supported(arch):
@@ -68,8 +78,8 @@ def start(device: str, stream: int | None = None) -> None:
 
 def devices() -> tuple[str, ...]:
     """Return the names of the devices that Taichi can drive; of several GPUs, only the first."""
-    found = ti.lang.misc.is_arch_supported(ti.cuda)
-    return ("cpu", "cuda:0") if found else ("cpu",)
+    names = ("cuda:0", *STAGED)
+    return ("cpu", *(n for n in names if ti.lang.misc.is_arch_supported(_ARCHS[n])))
 
 
 def primitive(launch: Callable[P, None]) -> Callable[P, None]:
@@ -81,9 +91,11 @@ def primitive(launch: Callable[P, None]) -> Callable[P, None]:
         with _lock:
             if not _caller.device:  # a thread that has not called start()
                 _caller.device = _program.device
-            _switch(_caller.device, ti.cpu if _caller.device == "cpu" else ti.cuda)
+            _switch(_caller.device, _ARCHS[_caller.device])
             if _caller.device == "cpu":
                 launch(*args, **kwargs)
+            elif _caller.device in STAGED:
+                _staging.launch(launch, args, kwargs)
             else:
                 _launch_on_cuda(launch, args, kwargs)
 
@@ -94,6 +106,8 @@ def scratch(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     """Allocate temporary memory of a primitive, as kernels take it."""
     if _caller.device == "cpu":
         return np.empty(shape, dtype)
+    if _caller.device in STAGED:
+        return _staging.stage().scratch(shape, dtype)
     from . import _cuda
 
     return _cuda.header(_cuda.empty(shape, np.dtype(dtype)))
@@ -128,6 +142,13 @@ def _switch(device: str, arch: Any) -> None:
     _program.device = device
     _program.handle = ti.lang.impl.get_runtime().prog
     _program.process = os.getpid()
+    if device in STAGED:
+        try:
+            _staging.check(device)
+        except RuntimeError:
+            ti.reset()
+            _program.device, _program.handle = "", None
+            raise
 
 
 def _initialise(arch: Any) -> None:

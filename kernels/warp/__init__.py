@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from . import _pages, _recording, _replays, _scratch, _streams
+from . import _pages, _replays, _scratch, _streams
 from ._internals import replace_cache, view_at
 
 _LINE = 64  # bytes of a cache line; rows of this size should not cross two lines
@@ -32,7 +32,7 @@ def start(device: str, stream: int | None) -> None:
         raise RuntimeError(
             "CUDA cannot be used in a forked process: start workers with the 'spawn' method"
         )
-    _recording.announce()
+    _replays.announce()
     key = (device, stream)
     if key not in _known_streams:
         if not wp.is_device_available(device):
@@ -210,7 +210,7 @@ def record(call: Callable[[], None], device: str) -> Callable[[], None]:
     """
     if device == "cpu":
         return call
-    with _recording.alone() as alone:
+    with _replays.alone() as alone:
         return _recorded(call, device) if alone else call
 
 

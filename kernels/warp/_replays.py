@@ -1,9 +1,16 @@
-"""Sequences of launches that CUDA repeats with the same arrays: graphs, kept for a thread."""
+"""Sequences of launches that CUDA repeats with the same arrays: graphs, kept for a thread.
+
+While a thread records a graph, CUDA refuses calls of other threads that wait for the device. So a
+thread announces itself before its first call, and waits there while another one records; and while
+other threads use CUDA, nothing is recorded.
+"""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Hashable, Sequence
+import weakref
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import contextmanager
 
 import warp as wp
 
@@ -57,3 +64,28 @@ def release() -> None:
     """Forget the graphs of this thread."""
     _thread.kept.clear()
     _thread.age = _scratch.age()
+
+
+class _Known(threading.local):
+    known: bool = False
+
+
+_known = _Known()
+_threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
+_lock = threading.RLock()
+
+
+def announce() -> None:
+    """Note that this thread uses CUDA."""
+    if not _known.known:
+        with _lock:
+            _threads.add(threading.current_thread())
+        _known.known = True
+
+
+@contextmanager
+def alone() -> Iterator[bool]:
+    """Yield whether this thread alone uses CUDA; others cannot begin in the block."""
+    with _lock:
+        this = threading.current_thread()
+        yield not any(thread.is_alive() for thread in _threads if thread is not this)

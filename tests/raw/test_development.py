@@ -5,6 +5,7 @@ import json
 import imageio.v3 as iio
 import numpy as np
 import pytest
+from PIL import Image
 
 import cvkern
 from cvkern.app import cli
@@ -149,6 +150,20 @@ def test_commands(monkeypatch, capsys, tmp_path):
     assert run(monkeypatch, capsys, *words)[0] == 0
     assert run(monkeypatch, capsys, *words, "--tone", "fuse")[0] == 0
     assert run(monkeypatch, capsys, *words, "--tone", "local_laplacian")[0] == 0
+    code, said = run(monkeypatch, capsys, *words, "--seconds", "1,1/2,1/4")
+    assert code == 2
+    assert "seconds must be in the order of the names" in said.err.replace("\n", " ")
+    iio.imwrite(folder / "other.png", raw.astype(np.uint8))
+    code, said = run(monkeypatch, capsys, *words, "--tone", "fuse")
+    assert code == 2
+    assert "got (20, 24) of other.png" in said.err.replace("\n", " ")
+    camera = tmp_path / "camera"
+    camera.mkdir()
+    for k, t in enumerate((0.25, 0.5, 1)):
+        exif = Image.Exif()
+        exif.get_ifd(0x8769)[0x829A] = t
+        Image.fromarray(iio.imread(folder / f"{k}.png")).save(camera / f"{k}.jpg", exif=exif)
+    assert run(monkeypatch, capsys, "hdr", camera, "-o", tmp_path / "c.png")[0] == 0
     iio.imwrite(tmp_path / "raw.dng", raw, extension=".png")
     code, said = run(monkeypatch, capsys, "develop", tmp_path / "raw.dng", "-o", tmp_path / "p.png")
     assert code == 2

@@ -45,8 +45,7 @@ def test_photographs_of_a_place_share_words(places):
 
 def test_likeness_is_that_of_numpy(places):
     """The cosines of words that weigh sqrt(n) log(N / N_word)."""
-    # A photograph of repeated things.
-    places[0] = described(np.concatenate([places[0].descriptors] * 3))
+    places[0] = described(np.concatenate([places[0].descriptors] * 3))  # repeated things
     rt = runtime(places[0].descriptors)
     words = np.asarray(_vocabulary.learn_words(rt, places)).astype(int)
     numbers = np.array([

@@ -7,29 +7,29 @@ import numpy as np
 import skimage.data
 
 import cvkern
-from cvkern.kernels.warp import _recording
+from cvkern.kernels.warp import _replays
 
 
 def test_a_thread_is_alone_until_another_one_begins():
     begun, end = threading.Event(), threading.Event()
 
     def other():
-        _recording.announce()
+        _replays.announce()
         begun.set()
         end.wait(20)
 
     thread = threading.Thread(target=other)
-    _recording.announce()
-    with _recording.alone() as alone:
+    _replays.announce()
+    with _replays.alone() as alone:
         assert alone
         thread.start()
         assert not begun.wait(0.2)  # it waits until the recording ends
     assert begun.wait(20)
-    with _recording.alone() as alone:
+    with _replays.alone() as alone:
         assert not alone
     end.set()
     thread.join()
-    with _recording.alone() as alone:
+    with _replays.alone() as alone:
         assert alone
 
 

@@ -35,6 +35,27 @@ def check(report, folder, target):
         np.testing.assert_array_equal(np.load(target / f"{n}.npy"), want)
 
 
+def blurred_or_dead(image, sigma, mark):
+    if len(image) == 23 and not os.path.exists(mark):
+        open(mark, "w").close()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return cvkern.gaussian(image, sigma)
+
+
+def dead(image):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_processes(tmp_path):
+    """One is killed in the middle of a file, once; another function kills all of them."""
+    folder, out, mark = heap(tmp_path / "in"), tmp_path / "out", str(tmp_path / "killed")
+    given = {"engine": "processes", "sigma": 1.5, "mark": mark}
+    check(map_images(folder, blurred_or_dead, out, **given), folder, out)
+    assert os.path.exists(mark)
+    report = map_images([folder / "0.png"], dead, out, engine="processes", overwrite=True)
+    assert next(iter(report.failed.values())).startswith("BrokenProcessPool: ")
+
+
 @pytest.mark.parametrize("engine", ["threads", "dask", "ray"])
 def test_engines(tmp_path, engine):
     """A worker is killed in the middle of its third file, once."""
@@ -124,7 +145,8 @@ def test_forms_of_results(tmp_path):
         (TypeError, "paths must be a folder or paths, got", {"paths": np.uint8(3)}),
         (ValueError, "paths must have different names, got 'a' twice",
          {"paths": ["a.png", "a.jpg"]}),
-        (ValueError, "engine must be 'threads', 'dask', 'ray' or a client", {"engine": "spark"}),
+        (ValueError, "engine must be 'threads', 'processes', 'dask', 'ray' or a client",
+         {"engine": "spark"}),
         (ValueError, "suffix must be one of .npy, .npz", {"suffix": ".exe"}),
         (ValueError, "device must be", {"device": "tpu"}),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,7 @@ from cvkern.app.commands import Backend, Device, Drawing, Overwrite, check_apart
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 TIMES = "exposure_seconds.json"
+EXIF, EXPOSURE_TIME = 0x8769, 0x829A  # tags of Exif: where a camera's own begin, and seconds
 
 
 def hdr(
@@ -23,7 +25,7 @@ def hdr(
         str | None,
         typer.Option(
             help="Times in the order of the names, as 1/60,1/15,1/4.",
-            show_default=f"{TIMES} in the folder",
+            show_default=f"{TIMES} in the folder, or those that the camera wrote",
         ),
     ] = None,
     tone: Annotated[
@@ -57,6 +59,7 @@ def hdr(
         raise ValueError("radiance must go with another tone than 'fuse'")
     images = [np.asarray(read_image(path)) for path in paths]
     images = [image[..., :3] if image.ndim == 3 else image for image in images]
+    _check_alike(paths, images)
     with cvkern.use(backend=backend, device=device):
         if align:
             images = cvkern.align_exposures(images).images
@@ -65,6 +68,7 @@ def hdr(
             shown = np.rint(picture * 255).astype(np.uint8)
         else:
             times = _times(seconds, folder, paths)
+            _check_order(times, images)
             merged = cvkern.merge_exposures(images, times)
             linear = cvkern.tone_map(merged, tone)
             colours = linear if linear.ndim == 3 else np.stack([linear] * 3, axis=-1)
@@ -78,12 +82,50 @@ def hdr(
     typer.echo(f"{output}: {len(paths)} exposures of {shown.shape[0]} x {shown.shape[1]}")
 
 
+def _check_alike(paths: list[Path], images: list[np.ndarray]) -> None:
+    """Refuse an image whose shape is not that of most."""
+    shapes = [image.shape for image in images]
+    usual = max(shapes, key=shapes.count)
+    for path, shape in zip(paths, shapes, strict=True):
+        if shape != usual:
+            raise ValueError(f"images must have one shape, {usual}, got {shape} of {path.name}")
+
+
+def _check_order(times: list[float], images: Sequence[np.ndarray]) -> None:
+    """Refuse times in the wrong order: with them, longer exposures are darker more often."""
+    if len(times) == len(images):
+        means = np.array([np.mean(image) for image in images])[np.argsort(times, kind="stable")]
+        if np.sum(np.diff(means) < 0) > np.sum(np.diff(means) > 0):
+            raise ValueError(
+                "seconds must be in the order of the names: longer exposures are darker with "
+                f"{', '.join(f'{time:g}' for time in times)}"
+            )
+
+
+def _taken(path: Path) -> float | None:
+    """Return the exposure time that a camera wrote into a file."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        time = image.getexif().get_ifd(EXIF).get(EXPOSURE_TIME)
+    try:
+        return float(time) if time is not None else None
+    except (TypeError, ValueError, ZeroDivisionError):
+        return None
+
+
 def _times(seconds: str | None, folder: Path, paths: list[Path]) -> list[float]:
-    """Return the time of each image, as told or as a file in the folder has them."""
+    """Return the time of each image: as told, from a file in the folder, or from the images."""
     if seconds is None:
         file = folder / TIMES
         if not file.is_file():
-            raise ValueError(f"seconds must be given, or {TIMES} be in the folder, got neither")
+            taken = [time for time in map(_taken, paths) if time]
+            if len(taken) == len(paths):
+                return taken
+            raise ValueError(
+                f"seconds must be given, or {TIMES} be in the folder, or times in the images, "
+                "got neither"
+            )
         try:
             table = dict(json.loads(file.read_text(encoding="utf-8")))
         except (ValueError, TypeError, RecursionError) as error:

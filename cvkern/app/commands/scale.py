@@ -31,8 +31,12 @@ def scale(
     ] = None,
     tile: Annotated[int, typer.Option(help="Height and width of a tile, pixels.")] = 2048,
     suffix: Annotated[str, typer.Option(help="Form of the results of a folder.")] = ".npy",
-    engine: Annotated[str, typer.Option(help="For a folder: threads, dask or ray.")] = "threads",
-    workers: Annotated[int, typer.Option(help="Threads, workers or actors for a folder.")] = 2,
+    engine: Annotated[
+        str, typer.Option(help="For a folder: threads, processes, dask or ray.")
+    ] = "threads",
+    workers: Annotated[
+        int, typer.Option(help="Threads, processes, workers or actors for a folder.")
+    ] = 2,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,

@@ -308,29 +308,17 @@ def merge(
 @wp.kernel
 def select(
     states: wp.array[wp.uint8],  # (H W,)
-    words: wp.array[wp.uint64],  # the same bytes, eight at a time
     parents: wp.array[int],  # (H W + 1,)
     # outputs
     mask: wp.array[wp.uint8],  # (H W,)
 ):
-    # One thread takes eight pixels, as in `plant`. Neighbours often have the same parent.
     i = wp.tid()
-    if i < words.shape[0]:
-        if (words[i] & wp.uint64(0x0101010101010101)) == wp.uint64(0):
-            return
-    seen = int(-1)  # the last parent that was followed, and whether its root is 0
-    kept = bool(False)
-    for k in range(8 * i, wp.min(8 * i + 8, states.shape[0])):
-        if int(states[k]) == Edge.WEAK:
-            parent = parents[k + 1]
-            if parent != seen:
-                seen = parent
-                at = parent
-                while at != parents[at]:
-                    at = parents[at]
-                kept = at == 0
-            if kept:
-                mask[k] = wp.uint8(1)
+    if int(states[i]) == Edge.WEAK:
+        at = i + 1
+        while at != parents[at]:
+            at = parents[at]
+        if at == 0:
+            mask[i] = wp.uint8(1)
 
 
 @wp.func

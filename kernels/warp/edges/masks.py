@@ -76,7 +76,7 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
         launch(cuda.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
         launch(cuda.merge, size, [states, height, width], [parents])
-        launch(cuda.select, -(-size // 8), [states, words, parents], [mask])
+        launch(cuda.select, size, [states, parents], [mask])
         return
     count = slabs(height, size)
     if count > 1:  # edges cluster in parts of an image; smaller slabs balance the threads

@@ -37,15 +37,12 @@ void blend_rest(int count, wp::array_t<float> a, wp::array_t<float> b, wp::array
     }
 }
 
-// A warp has 32 squares of two by two pixels side by side, and puts the colours of a row together in
-// shared memory, so that it writes whole sectors.
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, THREADS
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
 void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights,
                  wp::array_t<float> coarse, int alone, wp::array_t<float> out) {
     struct alignas(2 * sizeof(TYPE)) Two {
         TYPE v[2];
     };
-    __shared__ float2 stages[THREADS / 32][32 * CHANNELS];
     const int height = out.shape[0], width = out.shape[1], count = frames.shape[0];
     const int tall = coarse.shape[1], wide = coarse.shape[2];
     const size_t size = (size_t)height * width, small = (size_t)tall * wide;
@@ -53,17 +50,12 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
         const float x = (float)v * scale;
         return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
-    const int lane = threadIdx.x % 32;
-    const int columns = (width + 1) / 2, strips = (columns + 31) / 32;
+    const int columns = (width + 1) / 2;
     const bool aligned = width % 2 == 0 && ((size_t)frames.data & (2 * sizeof(TYPE) - 1)) == 0 &&
                          ((size_t)out.data & 7) == 0;
-    float2* stage = stages[threadIdx.x / 32];
-    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < (height + 1) / 2 * strips;
-         item += gridDim.x * blockDim.x / 32) {
-        const int first = item % strips * 32;
-        const int some = columns - first < 32 ? columns - first : 32;
-        // Lanes beyond the row repeat the last square, and write nothing.
-        const int y = item / strips, x = first + (lane < some ? lane : some - 1);
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < (height + 1) / 2 * columns;
+         item += gridDim.x * blockDim.x) {
+        const int y = item / columns, x = item % columns;
         const Square square(y, x, height, width, tall, wide);
         float total[CHANNELS][4], other[4] = {0.0f, 0.0f, 0.0f, 0.0f};
 #pragma unroll
@@ -119,17 +111,11 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
                     const float bent = 1.0f / STEEP * Powers::exp2(1.44269504f * power);
                     found.v[i * CHANNELS + c] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
                 }
-            float* to = out.data + ((size_t)(2 * y + r) * width + 2 * first) * CHANNELS;
+            float* to = out.data + ((size_t)(2 * y + r) * width + 2 * x) * CHANNELS;
             if (aligned) {
 #pragma unroll
-                for (int i = 0; i < CHANNELS; ++i) stage[CHANNELS * lane + i] = found.pairs[i];
-                __syncwarp();
-#pragma unroll
-                for (int i = lane; i < 32 * CHANNELS; i += 32)
-                    if (i < CHANNELS * some) ((float2*)to)[i] = stage[i];
-                __syncwarp();
-            } else if (lane < some) {
-                to += 2 * lane * CHANNELS;
+                for (int i = 0; i < CHANNELS; ++i) ((float2*)to)[i] = found.pairs[i];
+            } else {
                 for (int i = 0; i < (square.right ? 2 : 1) * CHANNELS; ++i) to[i] = found.v[i];
             }
         }

@@ -38,7 +38,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     """Make the kernels for frames of a type."""
     own = {"PART": PART, **names(scalar, channels)}
 
-    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), **own)
     def weigh_block(
         frames: wp.array4d[scalar],
         scale: float,
@@ -95,7 +95,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, THREADS=BLOCK, **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
     def finish_four(
         frames: wp.array4d[scalar],
         scale: float,

@@ -93,8 +93,8 @@ def finish(
     rows, columns, channels = out.shape
     inputs = [frames, scale, weights, coarse, alone]
     if out.device.is_cuda:
-        squares = -(-rows // 2) * -(-columns // 64)
-        launch(kernels(frames.dtype, channels).finish, cuda.threads(32 * squares), inputs, [out])
+        squares = -(-rows // 2) * -(-columns // 2)
+        launch(kernels(frames.dtype, channels).finish, cuda.threads(squares), inputs, [out])
         return
     kernel = _finish(frames.dtype, channels)
     kernel.launch(rows, columns, 4 * frames.size, inputs, [out])

@@ -25,7 +25,7 @@ def inside(i: ti.i32, n: ti.i32) -> ti.i32:
 def ones(word: ti.u64) -> ti.i32:
     """Count the set bits: per pair, per four, per byte; a product adds the bytes."""
     w = word
-    w -= (w >> ti.u64(1)) & ti.u64(0x5555555555555555)
+    w = w - ((w >> ti.u64(1)) & ti.u64(0x5555555555555555))  # Vulkan has no "-=" of 64 bits
     w = (w & ti.u64(0x3333333333333333)) + ((w >> ti.u64(2)) & ti.u64(0x3333333333333333))
     w = (w + (w >> ti.u64(4))) & ti.u64(0x0F0F0F0F0F0F0F0F)
     return ti.cast((w * ti.u64(0x0101010101010101)) >> ti.u64(56), ti.i32)

@@ -1,11 +1,10 @@
 // Fixed filters of 5 x 5 samples: a thread does PART pixels of ROWS rows, so that it reads each row
-// once. Both are even. A warp has 32 such parts side by side, and puts the colours of a row together
-// in shared memory, so that it writes whole sectors. Rows and columns beyond the image are those
-// mirrored at its border. The sums are those of _linear.h, in the same order.
+// once. Both are even. Rows and columns beyond the image are those mirrored at its border. The sums
+// are those of _linear.h, in the same order.
 
 #include "../_mirror.h"
 
-// needs TYPE, INTEGRAL, HIGHEST, SHARP, RED_ROW, RED_COLUMN, PART, ROWS, THREADS
+// needs TYPE, INTEGRAL, HIGHEST, SHARP, RED_ROW, RED_COLUMN, PART, ROWS
 void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     struct alignas(sizeof(TYPE) * PART > 16 ? 16 : sizeof(TYPE) * PART) Samples {
         TYPE v[PART];
@@ -13,11 +12,9 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     struct alignas(sizeof(TYPE) * 2) Pair {
         TYPE v[2];
     };
-    struct Colours {
-        Samples v[3];
-        CUDA_CALLABLE TYPE& at(int i) { return v[i / PART].v[i % PART]; }
+    struct alignas(sizeof(Samples) > 16 ? 16 : sizeof(Samples)) Colours {
+        TYPE v[3 * PART];
     };
-    __shared__ Samples stages[THREADS / 32][96];
     // Integers become floats and back as the lower bits of 2^23 and more: conversions are slow.
     const float shift = 8388608.0f;
     const auto real = [=](TYPE v) {
@@ -32,17 +29,13 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     const auto same = [=](float value) {
         return INTEGRAL ? (TYPE)__float_as_uint(value + shift) : (TYPE)value;
     };
-    const int height = raw.shape[0], width = raw.shape[1], lane = threadIdx.x % 32;
-    const int parts = (width + PART - 1) / PART, strips = (parts + 31) / 32;
-    const int items = (height + ROWS - 1) / ROWS * strips;
-    Samples* stage = stages[threadIdx.x / 32];
+    const int height = raw.shape[0], width = raw.shape[1];
+    const int parts = (width + PART - 1) / PART;
+    const int items = (height + ROWS - 1) / ROWS * parts;
     const bool aligned = (((size_t)raw.data | (size_t)colours.data) & 15) == 0 && width % PART == 0;
-    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < items;
-         item += gridDim.x * blockDim.x / 32) {
-        const int top = item / strips * ROWS, first = item % strips * 32;
-        const int some = parts - first < 32 ? parts - first : 32;
-        // Lanes beyond the row repeat the last part, and write nothing.
-        const int begin = (first + (lane < some ? lane : some - 1)) * PART;
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
+         item += gridDim.x * blockDim.x) {
+        const int top = item / parts * ROWS, begin = item % parts * PART;
         const bool inner = aligned && begin >= 2 && begin + PART + 2 <= width;
         float near[ROWS + 4][PART + 4];
         const auto read = [&](int k) {
@@ -89,28 +82,20 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
                     corners = 0.125f * ((6.0f * c + 2.0f * d) - 1.5f * (far_h + far_v));
                 }
                 const bool chroma = (i & 1) == column;
-                found.at(3 * i + (blue ? 2 : 0)) = chroma ? same(c) : rounded(across);
-                found.at(3 * i + 1) = chroma ? rounded(cross) : same(c);
-                found.at(3 * i + (blue ? 0 : 2)) = rounded(chroma ? corners : down);
+                found.v[3 * i + (blue ? 2 : 0)] = chroma ? same(c) : rounded(across);
+                found.v[3 * i + 1] = chroma ? rounded(cross) : same(c);
+                found.v[3 * i + (blue ? 0 : 2)] = rounded(chroma ? corners : down);
             }
-            TYPE* to = colours.data + ((size_t)(top + r) * width + first * PART) * 3;
+            TYPE* to = colours.data + ((size_t)(top + r) * width + begin) * 3;
             if (aligned) {
-#pragma unroll
-                for (int k = 0; k < 3; ++k) stage[3 * lane + k] = found.v[k];
-                __syncwarp();
-#pragma unroll
-                for (int k = lane; k < 96; k += 32)
-                    if (k < 3 * some) ((Samples*)to)[k] = stage[k];
-                __syncwarp();
+                *(Colours*)to = found;
                 continue;
             }
-            if (lane >= some) continue;
-            to += 3 * lane * PART;
 #pragma unroll
             for (int i = 0; i < PART; ++i) {
                 if (begin + i >= width) break;
 #pragma unroll
-                for (int c = 0; c < 3; ++c) to[3 * i + c] = found.at(3 * i + c);
+                for (int c = 0; c < 3; ++c) to[3 * i + c] = found.v[3 * i + c];
             }
         }
     }

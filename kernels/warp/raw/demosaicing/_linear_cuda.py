@@ -11,7 +11,7 @@ from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp.raw._types import constants
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-BOUNDS = 256, 3  # threads of a block, and blocks of a multiprocessor
+BOUNDS = 128, 8  # threads of a block, and blocks of a multiprocessor
 PART, ROWS = 4, 2  # columns and rows of a thread, even
 MOST = 2**23  # threads, which take their parts in turns, so that no launch is folded
 
@@ -21,9 +21,8 @@ def interpolate(
 ) -> None:
     """Fill in the two colours that each pixel misses."""
     height, width = raw.shape
-    warps = -(-height // ROWS) * -(-width // (32 * PART))
-    threads = -(-min(32 * warps, MOST) // BOUNDS[0]) * BOUNDS[0]
-    launch(kernel(raw.dtype, red_row, red_column, method), threads, [raw], [colours], BOUNDS[0])
+    count = min(-(-height // ROWS) * -(-width // PART), MOST)
+    launch(kernel(raw.dtype, red_row, red_column, method), count, [raw], [colours], BOUNDS[0])
 
 
 @lru_cache
@@ -31,7 +30,7 @@ def kernel(scalar: Any, red_row: int, red_column: int, method: int) -> wp.Kernel
     """Make the kernel for values of a type and a place of red."""
     names = {
         "RED_ROW": red_row, "RED_COLUMN": red_column, "SHARP": int(method == Linear.MALVAR),
-        "PART": PART, "ROWS": ROWS, "THREADS": BOUNDS[0], **constants(scalar),
+        "PART": PART, "ROWS": ROWS, **constants(scalar),
     }  # fmt: skip
 
     @_native.kernel("_linear_cuda.cu", OPTIONS, launch_bounds=BOUNDS, **names)

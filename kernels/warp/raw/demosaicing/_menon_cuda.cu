@@ -1,11 +1,10 @@
 // Menon's demosaicing: a warp goes down a strip of columns, of which each lane has four, and keeps
 // the rows that the later steps need. The sums are those of _menon.h, in the same order. A row has
-// two samples of a colour and two of green in each lane. The colours of a row are put together in
-// shared memory, so that a warp writes whole sectors.
+// two samples of a colour and two of green in each lane.
 
 #include "../_mirror.h"
 
-// needs TYPE, INTEGRAL, HIGHEST, RED_ROW, RED_COLUMN, HALO, THREADS
+// needs TYPE, INTEGRAL, HIGHEST, RED_ROW, RED_COLUMN, HALO
 void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colours) {
     enum { WIDE = 4 * (32 - 2 * HALO), BEFORE = 16 };  // rows before the first that is written
     struct Two {
@@ -14,11 +13,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     struct alignas(4 * sizeof(TYPE)) Samples {
         TYPE v[4];
     };
-    struct Colours {
-        Samples v[3];
-        CUDA_CALLABLE TYPE& at(int i) { return v[i / 4].v[i % 4]; }
+    struct alignas(4 * sizeof(TYPE)) Colours {
+        TYPE v[12];
     };
-    __shared__ Samples stages[THREADS / 32][96];
     const float third = 1.0f / 3.0f, shift = 8388608.0f;
     const auto real = [=](TYPE v) {
         return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
@@ -51,14 +48,11 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     const int strips = (width + WIDE - 1) / WIDE, chunks = (height + rows - 1) / rows;
     const bool aligned =
         width % 4 == 0 && (((size_t)raw.data | (size_t)colours.data) & (4 * sizeof(TYPE) - 1)) == 0;
-    Samples* stage = stages[threadIdx.x / 32];
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < strips * chunks;
          item += gridDim.x * blockDim.x / 32) {
         const int begin = item / strips * rows, x = item % strips * WIDE + 4 * (lane - HALO);
         const int end = begin + rows < height ? begin + rows : height;
-        const int first = item % strips * WIDE;
-        const int some = width - first < WIDE ? (width - first + 3) / 4 : WIDE / 4;
-        const int own_lane = lane - HALO;  // the place among the lanes that write
+        const bool own_lane = lane >= HALO && lane < 32 - HALO;
         // Rows of samples, of changes of the differences along rows, of differences along both,
         // of green and direction, of colours at green samples, of the other colour and refined
         // green at samples of a colour, and of refined colours at green samples.
@@ -227,32 +221,25 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                                     (last_own[2].v[n] - last_other[2].v[n]);
                     third_colour.v[n] = c + third * (level ? h : v);
                 }
-                if (y < begin || y >= end) continue;
+                if (!own_lane || y < begin || y >= end || x >= width) continue;
                 Colours result;
-                const int one = u == RED_ROW ? 0 : 2, two = 2 - one;
+                const int first = u == RED_ROW ? 0 : 2, last = 2 - first;
                 for (int n = 0; n < 2; ++n) {
-                    int at = 3 * (2 * n + odd);
-                    result.at(at + one) = same(chroma[0].v[n]);
-                    result.at(at + 1) = rounded(fine[0].v[n]);
-                    result.at(at + two) = rounded(third_colour.v[n]);
-                    at = 3 * (2 * n + even);
-                    result.at(at + one) = rounded(last_own[1].v[n]);
-                    result.at(at + 1) = same(green[0].v[n]);
-                    result.at(at + two) = rounded(last_other[1].v[n]);
+                    TYPE* at = result.v + 3 * (2 * n + odd);
+                    at[first] = same(chroma[0].v[n]);
+                    at[1] = rounded(fine[0].v[n]);
+                    at[last] = rounded(third_colour.v[n]);
+                    at = result.v + 3 * (2 * n + even);
+                    at[first] = rounded(last_own[1].v[n]);
+                    at[1] = same(green[0].v[n]);
+                    at[last] = rounded(last_other[1].v[n]);
                 }
-                TYPE* to = colours.data + ((size_t)y * width + first) * 3;
-                if (aligned) {
-                    if (own_lane >= 0 && own_lane < some)
-                        for (int k = 0; k < 3; ++k) stage[3 * own_lane + k] = result.v[k];
-                    __syncwarp();
-#pragma unroll
-                    for (int k = lane; k < 96; k += 32)
-                        if (k < 3 * some) ((Samples*)to)[k] = stage[k];
-                    __syncwarp();
-                } else if (own_lane >= 0 && own_lane < some) {
+                TYPE* to = colours.data + ((size_t)y * width + x) * 3;
+                if (aligned)
+                    *(Colours*)to = result;
+                else
                     for (int i = 0; i < 12; ++i)
-                        if (x + i / 3 < width) to[12 * own_lane + i] = result.at(i);
-                }
+                        if (x + i / 3 < width) to[i] = result.v[i];
             }
         }
     }

@@ -37,7 +37,7 @@ def demosaic(raw: wp.array, red_row: int, red_column: int, colours: wp.array) ->
 def kernel(scalar: Any, red_row: int, red_column: int) -> wp.Kernel:
     """Make the kernel for values of a type and a place of red."""
     names = {
-        "RED_ROW": red_row, "RED_COLUMN": red_column, "HALO": HALO, "THREADS": BOUNDS[0],
+        "RED_ROW": red_row, "RED_COLUMN": red_column, "HALO": HALO,
         **constants(scalar),
     }  # fmt: skip
 

@@ -7,8 +7,6 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
-import typer
-
 from cvkern.app.commands import PHOTOGRAPHS, progress_bar
 
 # The parameters that are files to write, and their endings if a folder is read.
@@ -26,6 +24,8 @@ def over_folders(
 
     @functools.wraps(command)
     def run(**given: Any) -> None:
+        import typer
+
         source = given[photo]
         if not source.is_dir():
             command(**given)
