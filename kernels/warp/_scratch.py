@@ -145,10 +145,6 @@ def release() -> None:
         for key, block in list(blocks.items()):
             if block.bytes_on_host:
                 blocks.pop(key, None)
-    with contextlib.suppress(
-        OSError, TypeError, AttributeError
-    ):  # glibc keeps what is freed unless asked
-        ctypes.CDLL(None).malloc_trim(0)
 
 
 @contextlib.contextmanager
