@@ -34,7 +34,7 @@ FINE = np.array([4.0] * 4, np.float32)  # maps: wide, as planes of photographs b
 LAST = np.array([3.0] * 6, np.float32)  # other models, whose far matches weigh less
 # The last threshold of essential matrices, in standard deviations of the inliers: their weights
 # then suit the noise, whatever the caller's threshold is. Their median is from HALVINGS of it.
-SPREAD, HALVINGS = 6.0, 5
+SPREAD, HALVINGS, FIRST_STEPS = 6.0, 5, 4
 NO_STEPS = np.zeros(1, np.float32)  # no match is within this limit: models are scored alone
 # Required number of samples without outliers: noise spoils some of them.
 SPARE = 2.0
@@ -170,9 +170,10 @@ class Explorer:
         everyone = np.arange(len(count), dtype=np.int32)
         chosen = rt.scratch("robust.chosen", (len(count), 1, 9), np.float64)
         rt.write(chosen, found.models[:, None])
-        models, cost, support = self._refined(
-            model, chosen, everyone, FINE if model <= Model.HOMOGRAPHY else LAST
-        )
+        schedule = FINE if model <= Model.HOMOGRAPHY else LAST
+        if model == Model.ESSENTIAL:
+            schedule = LAST[:FIRST_STEPS]
+        models, cost, support = self._refined(model, chosen, everyone, schedule)
         if model == Model.ESSENTIAL:
             squares = self.squares * self._spread(model, models, support) ** 2
             narrow = rt.send("robust.narrow", squares.astype(np.float32))

@@ -19,6 +19,7 @@ LONGEST = 1e30  # baseline: depths must fit into float32
 SHARE = 0.005  # share of matches at each end that do not widen the range of disparities
 MARGIN, LEAST_MARGIN = 0.1, 4  # extension of the range at each end: share of the range, or pixels
 MOST_DISPARITIES = 512
+FLAT = 0.9  # share of the matches from which on one map explains too many to tell depths
 
 
 class PairReconstruction(NamedTuple):
@@ -113,7 +114,8 @@ def reconstruct_pair(
         If an image does not hold real numbers.
     ValueError
         If an argument is out of range, a file is no image, the photographs have too few matches of
-        one geometry, or they cannot be rectified, because the camera moved forwards.
+        one geometry, they cannot be rectified, because the camera moved forwards, or one map fits
+        nearly all matches: the camera only turned, or without `K` the scene is a plane.
 
     Examples
     --------
@@ -245,6 +247,8 @@ def _geometry(
     else:  # rows meet, whatever the focal length is
         fit = geometry.find_fundamental(a, b, threshold, seed=seed)
     found = int(np.sum(fit.inliers))
+    kept = fit.inliers if fit.matrix is not None else slice(None)
+    _refuse_turns(a[kept], b[kept], cameras, known, threshold, seed)
     if fit.matrix is None or found < LEAST:
         raise ValueError(
             f"image0 and image1 must have at least {LEAST} matches of one geometry, got {found} "
@@ -260,6 +264,29 @@ def _geometry(
     pose = geometry.recover_pose(essential, a, b, first, second)
     front = pose.inliers
     return f, a[front], b[front], pose.rotation, pose.translation
+
+
+def _refuse_turns(
+    a: np.ndarray, b: np.ndarray, cameras: np.ndarray, known: bool, threshold: float, seed: int
+) -> None:
+    """Refuse matches of one map: those of a turned camera, or of a plane before unknown cameras."""
+    from cvkern.geometry import find_homography
+
+    fit = find_homography(a, b, threshold, seed=seed)
+    share = float(np.mean(fit.inliers)) if fit.matrix is not None else 0.0
+    if share < FLAT:
+        return
+    rays = [_rays(points, camera) for points, camera in zip((a, b), cameras, strict=True)]
+    one, other = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
+    u, _, vt = np.linalg.svd(other.T @ one)
+    turned = one @ (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
+    gaps = turned[:, :2] / turned[:, 2:] - rays[1][:, :2]
+    if known and np.median(np.linalg.norm(gaps, axis=1)) * cameras[1][0, 0] > threshold:
+        return  # a plane, seen from two places
+    raise ValueError(
+        f"image0 and image1 must show a scene with depth from two places: {share:.0%} of their "
+        "matches fit one map, as of a camera that only turned" + (", or of a plane" * (not known))
+    )
 
 
 def _rectified(

@@ -46,3 +46,20 @@ def test_raw_frames_give_depths_in_one_graph(library, backend):
     with cvkern.use(backend="warp", device="cpu"):
         want = cvkern.StereoMatcher.from_calibration(calibration(), (0, 24))(*frames())
     assert_equal_bits(tuple(take(a) for a in found), want)
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_batches_are_those_of_the_cpu(library, backend):
+    """Points of several pairs come to the host together, whatever the lengths of their lists."""
+    rng = np.random.default_rng(0)
+    pairs = []
+    for number in (60, 35, 3):
+        points = rng.uniform(0, 300, (number, 2)).astype(np.float32)
+        pairs.append((points, points + np.float32(7)))
+    with cvkern.use(backend="warp", device="cpu"):
+        want = cvkern.find_homographies(pairs)
+    given = [(give(library, one), give(library, other)) for one, other in pairs]
+    with cvkern.use(backend=backend):
+        found = cvkern.find_homographies(given)
+    np.testing.assert_array_equal(take(found.inliers), want.inliers)
+    np.testing.assert_allclose(found.costs, want.costs)

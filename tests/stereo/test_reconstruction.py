@@ -116,6 +116,22 @@ def test_without_a_camera(motorcycle, tmp_path):
     assert pair.K[0, 0, 0] == pytest.approx(40 / np.hypot(36, 24) * np.hypot(250, 370), rel=0.01)
 
 
+@pytest.mark.filterwarnings("ignore:the focal length is guessed")
+def test_a_camera_that_only_turned_gives_no_depth(motorcycle):
+    left = motorcycle[0]
+    matrix = K0 @ turned((0.01, -0.06, 0.02)) @ np.linalg.inv(K0)
+    seen = cvkern.warp_perspective(left, matrix, left.shape[:2], channel_axis=-1, dtype=np.uint8)
+    begin = "image0 and image1 must show a scene with depth from two places: "
+    for other, K, end in (
+        (seen, K0, "only turned"),
+        (seen, None, "only turned, or of a plane"),
+        (left, None, "only turned, or of a plane"),
+    ):
+        with pytest.raises(ValueError, match=begin) as info:
+            cvkern.reconstruct_pair(left, other, K, max_keypoints=1500)
+        assert str(info.value).endswith(end)
+
+
 def test_large_photographs_are_reduced(motorcycle):
     left, right, truth = motorcycle
     pair = cvkern.reconstruct_pair(left, right, np.stack((K0, K1)), BASELINE, max_side=200)

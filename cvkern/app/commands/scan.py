@@ -101,8 +101,8 @@ def scan(
     shown = np.where(found.valid, lines, np.float32(np.nan)).astype(np.float32)
     share = f"{known.mean():.1%} of {depth.shape[0]} x {depth.shape[1]} pixels"
     output.mkdir(parents=True, exist_ok=True)
-    write_image(output / "columns.png", apply_colormap(shown))
-    write_image(output / "depth.png", apply_colormap(depth))
+    write_image(output / "columns.png", apply_colormap(shown, nan=(0, 0, 0)))
+    write_image(output / "depth.png", apply_colormap(depth, nan=(0, 0, 0)))
     write_image(output / "depth.tif", depth)
     write_ply(output / "cloud.ply", cloud, colors)
     write_animation(output / "turntable.gif", movie)

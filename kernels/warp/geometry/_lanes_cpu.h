@@ -177,6 +177,7 @@ struct Lanes {
         const int number = kind == Robust::POSE ? 27 : kind >= Robust::FUNDAMENTAL ? 54 : 33;
         for (int s = 0; s < steps; ++s) {
             const double limit = (double)square * (double)schedule[s];
+            if (!(limit > 0.0)) return;  // no match fixes a step
             double sums[SUMS * COUNT], total[SUMS];
             for (int i = 0; i < number * COUNT; ++i) sums[i] = 0.0;
             if (kind < Robust::FUNDAMENTAL) add_listed(h, x, pitch, count, limit, sums);

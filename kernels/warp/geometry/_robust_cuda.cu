@@ -86,6 +86,7 @@ void refine(wp::array_t<float> matches, wp::array_t<int> spans, wp::array_t<floa
         bool fixed = true;
         for (int s = 0; s < schedule.shape[0] && fixed && round; ++s) {
             const double limit = (double)square * (double)schedule.data[s];
+            if (!(limit > 0.0)) break;  // no match fixes a step
             double sums[SUMS];
             for (int i = 0; i < SUMS; ++i) sums[i] = 0.0;
             for (int i = lane; i < count; i += 32)

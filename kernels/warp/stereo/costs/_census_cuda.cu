@@ -1,55 +1,43 @@
 #include "_hamming_cuda.h"
 
-// The census of four neighbouring pixels, the bytes of a word: their windows of 5 x 5 share 5 x 8
-// pixels.
+// The census of four neighbouring pixels, whose windows of 5 x 5 share 5 x 8 pixels.
 void census_of_24(wp::array_t<wp::uint8> image, wp::array_t<wp::uint64> bits) {
     const int height = image.shape[0], width = image.shape[1], groups = (width + 3) / 4;
     const unsigned item = blockIdx.x * blockDim.x + threadIdx.x;
     const int y = item / groups, x = 4 * (int)(item - (unsigned)y * groups);
     if (y >= height) return;
-    unsigned near[5][3];  // the words before the four pixels, at them, and after
+    int value[5][8];
     const bool whole = width % 4 == 0 && (size_t)image.data % 4 == 0 && x >= 4 && x + 8 <= width;
 #pragma unroll
     for (int i = 0; i < 5; ++i) {
         const wp::uint8* from = image.data + (size_t)max(0, min(height - 1, y + i - 2)) * width;
         if (whole) {
             const unsigned* words = (const unsigned*)(from + x);
+            const unsigned before = words[-1], here = words[0], after = words[1];
 #pragma unroll
-            for (int j = 0; j < 3; ++j) near[i][j] = words[j - 1];
+            for (int j = 0; j < 8; ++j)
+                value[i][j] = (j < 2   ? before >> 8 * (j + 2)
+                               : j < 6 ? here >> 8 * (j - 2)
+                                       : after >> 8 * (j - 6)) &
+                              255;
         } else {
 #pragma unroll
-            for (int j = 0; j < 3; ++j) {
-                near[i][j] = 0;
-                for (int k = 0; k < 4; ++k)
-                    near[i][j] |= (unsigned)from[max(0, min(width - 1, x + 4 * j + k - 4))]
-                                  << 8 * k;
-            }
+            for (int j = 0; j < 8; ++j) value[i][j] = from[max(0, min(width - 1, x + j - 2))];
         }
     }
-    const unsigned middle = near[2][1];
-    unsigned eights[3] = {0, 0, 0};
-    int n = 0;
-#pragma unroll
-    for (int i = 0; i < 5; ++i) {
-#pragma unroll
-        for (int j = 0; j < 5; ++j) {
-            if (i == 2 && j == 2) continue;
-            const unsigned other = j < 2   ? __funnelshift_r(near[i][0], near[i][1], 8 * (j + 2))
-                                   : j > 2 ? __funnelshift_r(near[i][1], near[i][2], 8 * (j - 2))
-                                           : near[i][1];
-            // The mean of a byte and of 255 minus another one has its highest bit where the other one
-            // is less. That becomes the bits of the byte.
-            const unsigned mean = (middle & ~other) + ((middle ^ ~other) >> 1 & 0x7f7f7f7fu);
-            const unsigned less = __byte_perm(mean, 0, 0xba98);
-            eights[n / 8] |= less & 0x01010101u << n % 8;
-            ++n;
-        }
-    }
-    unsigned word[4];
+    unsigned word[4] = {0, 0, 0, 0};
 #pragma unroll
     for (int p = 0; p < 4; ++p) {
-        const unsigned low = __byte_perm(eights[0], eights[1], 0x40 + 0x11 * p);
-        word[p] = __byte_perm(low, eights[2], 0x0410 + 0x100 * p) & 0xffffffu;
+        int n = 0;
+#pragma unroll
+        for (int i = 0; i < 5; ++i) {
+#pragma unroll
+            for (int j = 0; j < 5; ++j) {
+                if (i == 2 && j == 2) continue;
+                if (value[i][p + j] < value[2][p + 2]) word[p] |= 1u << n;
+                ++n;
+            }
+        }
     }
     wp::uint64* to = bits.data + (size_t)y * width + x;
     if (whole && (size_t)to % 16 == 0) {
