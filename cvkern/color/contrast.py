@@ -190,7 +190,7 @@ def equalize_adapthist(
             low, high, _ = extremes(rt, values.reshape((size * channels,)))
             if low < 0 or high > 1:
                 raise ValueError(
-                    f"image must be in 0 to 1 if it holds floats, got {low:g} to {high:g}"
+                    f"image must be in 0 to 1 if it holds floats, got {low + 0.0:g} to {high:g}"
                 )
         flat = rt.scratch("contrast.levels", (size,), CODES[top])
         found = flat.reshape((rows, columns))

@@ -177,6 +177,7 @@ def merge_exposures(
     if linear:
         most = 255.0 if dtype == np.uint8 else _most(rt, images, carried)
         tables = np.zeros((1, channels, 2), np.float32)
+        stops = 2.0 ** min(stops, 127.0) if stops > 0 else stops  # a factor, without logarithms
     else:
         most, tables = 0.0, _tables(curves)  # pyright: ignore[reportPossiblyUnboundVariable, reportArgumentType]
     rt.raw.exposures.merge(

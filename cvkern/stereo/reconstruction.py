@@ -15,6 +15,7 @@ from cvkern.stereo.matching import stereo_match
 
 LONG_SIDES = 1.2  # guessed focal length of an unknown camera, in longer sides of the photograph
 LEAST = 20  # smallest number of inliers
+LONGEST = 1e30  # baseline: depths must fit into float32
 SHARE = 0.005  # share of matches at each end that do not widen the range of disparities
 MARGIN, LEAST_MARGIN = 0.1, 4  # extension of the range at each end: share of the range, or pixels
 MOST_DISPARITIES = 512
@@ -131,6 +132,8 @@ def reconstruct_pair(
     from cvkern.images._overlay import canvas
 
     length = 1.0 if baseline is None else check_positive(baseline, "baseline")
+    if not 1 / LONGEST <= length <= LONGEST:
+        raise ValueError(f"baseline must be in [{1 / LONGEST:g}, {LONGEST:g}], got {baseline}")
     most = check_integer(max_side, "max_side", 64, 2**15)
     given = [_photograph(image, name) for image, name in ((image0, "image0"), (image1, "image1"))]
     cameras = _cameras(K, (image0, image1), given)

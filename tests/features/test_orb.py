@@ -103,6 +103,13 @@ def test_smaller_sizes_are_pillows(backend, side, downscale):
         assert np.abs(np.asarray(want).astype(int) - after).max() <= 2
 
 
+def test_scales_are_those_of_both_sides():
+    """The sides of each size are rounded: 83 x 200 becomes 69 x 167."""
+    found = np.unique(cvkern.orb(CAMERA[:83, :200], None, levels=2).scales)
+    want = [1, np.sqrt(83 / 69 * 200 / 167)]
+    np.testing.assert_allclose(found / found[0], want, rtol=1e-6)
+
+
 def test_a_budget_keeps_the_strongest(backend):
     every = cvkern.orb(CAMERA, None, levels=1)
     some = cvkern.orb(CAMERA, 40, levels=1)

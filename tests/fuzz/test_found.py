@@ -68,6 +68,10 @@ REFUSED = {
     "accuracy": lambda: cvkern.hough_ellipse(IMAGE, accuracy=1e-320),
     "fps": lambda: cvkern.clouds.write_animation("a.gif", FILM, fps=1e-320),
     "fps must": lambda: cvkern.clouds.write_animation("a.mp4", FILM, fps=1e-3),
+    "baseline must be in": lambda: cvkern.reconstruct_pair(
+        np.zeros((64, 64)), np.zeros((64, 64)), np.eye(3), baseline=1e-320
+    ),
+    r"got 0 to 2$": lambda: cvkern.equalize_adapthist(np.array([[[-0.0, 0.0, 2.0]]])),
     "spans": lambda: radiance.composite_rays(np.ones(2), np.ones((2, 3)), np.ones((2, 2)), 2),
     "xyz": lambda: cvkern.adapt_colors(2, "D65", "D50"),
     "kC": lambda: cvkern.deltaE_ciede2000([[1, 2, 3]], [[1, 2, 3]], kC=[]),

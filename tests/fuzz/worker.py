@@ -156,6 +156,7 @@ def differ(first: Any, second: Any) -> str:
             largest = np.max(np.abs(a), initial=0, where=np.isfinite(a))
             apart = np.abs(a.astype(np.float64) - b)
             same |= (apart > 0) & (apart <= DENORMAL * largest)  # denormal weights were lost
+            same |= apart * (np.abs(a) + np.abs(b)) < 2 * DENORMAL  # denormal squares, in a root
     else:
         same = a == b
     if np.all(same):

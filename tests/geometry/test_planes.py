@@ -42,6 +42,21 @@ def misclassification(found, right):
     return 1 - (table[rows, columns].sum() + np.sum((found < 0) & (right < 0))) / len(right)
 
 
+def test_neighbours_decide_where_two_planes_meet():
+    """Both fit what is near column 250, and a third fits some of either by chance."""
+    rng = np.random.default_rng(2)
+    points = rng.uniform(0, 500, (600, 2))
+    right = points[:, 1] > 250
+    moved = points + np.array([20, 0]) + np.outer(right * 0.4 * (points[:, 1] - 250), (0, 1))
+    moved += rng.normal(0, 1, moved.shape)
+    wrong = [
+        misclassification(cvkern.find_planes(points, moved, smoothness=s).labels, right.astype(int))
+        for s in (0, 0.1)
+    ]
+    assert wrong[0] > 0.2
+    assert wrong[1] < 0.02
+
+
 def test_finds_the_planes(backend):
     a, b, right = scene(0)
     planes = cvkern.find_planes(a, b)

@@ -142,6 +142,19 @@ def test_what_moved_does_not_count(backend):
     assert plain[3, 3] > 0.25
 
 
+@pytest.mark.parametrize("value", [3.0, 1717986918.0, 0.7])
+def test_what_is_just_so_many_stops_away_counts(backend, value):
+    """The reference has just twice the light, which no rounding of a logarithm may decide."""
+    images = np.full((3, 4, 5), value, np.float32)
+    images[1] = images[2] = value / 4
+    images[0, 0, 0] = 8 * value  # white
+    both = cvkern.merge_exposures(images, [1, 0.5, 0.25], deghost=1)
+    plain = cvkern.merge_exposures(images, [1, 0.5, 0.25])
+    np.testing.assert_array_equal(both[1:], plain[1:])
+    less = cvkern.merge_exposures(images, [1, 0.5, 0.25], deghost=0.99)
+    assert (less[1:] < plain[1:]).all()
+
+
 def test_the_middle_exposure_tells_what_moved(backend):
     """What only the middle one of five shows stays; what only another one shows goes."""
     times = [4, 0.25, 1, 0.5, 2]

@@ -37,7 +37,7 @@ def test_the_pair_of_rays_that_most_others_fit_wins():
     np.testing.assert_array_equal(found.tracks, 2 * np.arange(len(sizes)))
     for name, point in zip(found.tracks, found.points, strict=True):
         own = np.flatnonzero(tracks == name)
-        best = (0, 0.0)
+        best, want = (0, 0.0), np.zeros(3)
         for i, j in combinations(own, 2):
             tried = middle(rays.eyes[i], rays.ahead[i], rays.eyes[j], rays.ahead[j])
             off = errors(np.tile(tried, (len(tracks), 1)))

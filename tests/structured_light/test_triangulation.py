@@ -103,6 +103,15 @@ def test_a_rendered_scanner_with_gray_code(backend):
     assert np.quantile(off[known], 0.98) < 0.12
 
 
+def test_a_wide_projector_lights_what_its_columns_reach():
+    scan = cvkern.make_scan("gray_code", (60, 80), (40, 160), noise=0)
+    stand = scan.calibration
+    inside = scan.points[scan.lit] @ stand.rotation.T + stand.translation
+    places = cvkern.project_points(inside, stand.right)
+    assert ((places > -0.5) & (places < (39.5, 159.5))).all()
+    assert places[:, 1].max() > 90
+
+
 def test_a_rendered_turn_table():
     scan = cvkern.make_scan("laser", (120, 160), frames=12)
     lines = cvkern.detect_laser_lines(scan.frames, axis=1, sigma=1.0, threshold=40)

@@ -31,7 +31,7 @@ def _told(
     most: ti.f32,
     zero: ti.i32,
 ) -> vec3:
-    """Return the weight of an exposure at a pixel, its light, and the light in stops.
+    """Return the weight of an exposure at a pixel, its light, and the light to compare.
 
     The light is linear if `most` is above 0, and log2 otherwise, as the table of the response has.
     """
@@ -41,13 +41,21 @@ def _told(
         near = quotient(product(most - value, FADE, zero), most, zero)
         squared = product(ti.math.clamp(near, 0.0, 1.0), times[k, 0], zero)
         light = quotient(value, times[k, 0], zero)
-        stops = ti.log(ti.max(light, FAINTEST)) * 1.4426950408889634
-        found = vec3(product(squared, times[k, 0], zero), light, stops)
+        found = vec3(product(squared, times[k, 0], zero), light, ti.max(light, FAINTEST))
     else:
         code = ti.cast(frames[k, i, c], ti.i32)
         light = tables[code, c, 0] - times[k, 1]
         found = vec3(tables[code, c, 1], light, light)
     return found
+
+
+@ti.func
+def _apart(a: ti.f32, b: ti.f32, stops: ti.f32, most: ti.f32) -> ti.i32:
+    """Tell whether two lights differ by more than some stops: a factor, if they are linear."""
+    found = ti.abs(a - b) > stops
+    if most > 0.0:
+        found = a > b * stops or b > a * stops
+    return ti.cast(found, ti.i32)
 
 
 @ti.kernel
@@ -73,7 +81,7 @@ def _merge(
             k = order[n]
             if k != reference:
                 told = _told(frames, tables, times, k, i, c, most, zero)
-                if not (known and ti.abs(told[2] - compared) > stops):
+                if not (known and _apart(told[2], compared, stops, most) == 1):
                     weights += told[0]
                     total += product(told[0], told[1], zero)
         found = quotient(total, ti.max(weights, FAINTEST), zero)
@@ -101,7 +109,7 @@ def merge(
     """Merge (K, N, C) values; `order` has the exposures from the shortest to the longest.
 
     `tables` (256, C, 2) has log2 exposures and weights of values, unless `most` is above 0: then
-    values are linear, and saturated there. `times` (K, 2) has seconds and their log2. One thread a
-    value.
+    values are linear, and saturated there, and `stops` is a factor. `times` (K, 2) has seconds and
+    their log2. One thread a value.
     """
     _merge(frames, tables, times, order, reference, stops, most, 0, radiance)

@@ -26,7 +26,8 @@ def merge(
     """Merge (K, N, C) values; `order` has the exposures from the shortest to the longest.
 
     `tables` (256, C, 2) has log2 exposures and weights of values, unless `most` is above 0: then
-    values are linear, and saturated there. `times` (K, 2) has seconds and their log2.
+    values are linear, and saturated there, and `stops` is a factor. `times` (K, 2) has seconds and
+    their log2.
     """
     inputs = [frames, tables, times, order, reference, stops, most]
     count = radiance.shape[0]
@@ -45,18 +46,24 @@ def _kernel(scalar: Any) -> wp.Kernel:
         c: int,
         most: float,
     ):
-        # The weight of an exposure at a pixel, its light (linear, or log2), and the light in stops.
+        # The weight of an exposure at a pixel, its light (linear, or log2), and that to compare.
         found = wp.vec3()
         if most > 0.0:
             value = float(frames[k, i, c])
             near = wp.clamp((most - value) * FADE / most, 0.0, 1.0)
             light = value / times[k, 0]
-            stops = wp.log2(wp.max(light, FAINTEST))
-            found = wp.vec3(near * times[k, 0] * times[k, 0], light, stops)
+            found = wp.vec3(near * times[k, 0] * times[k, 0], light, wp.max(light, FAINTEST))
         else:
             code = int(frames[k, i, c])
             light = tables[code, c, 0] - times[k, 1]
             found = wp.vec3(tables[code, c, 1], light, light)
+        return found
+
+    @wp.func
+    def apart(a: float, b: float, stops: float, most: float):
+        found = wp.abs(a - b) > stops
+        if most > 0.0:
+            found = a > b * stops or b > a * stops
         return found
 
     @wp.kernel(module="unique", module_options=OPTIONS)
@@ -85,7 +92,7 @@ def _kernel(scalar: Any) -> wp.Kernel:
                     k = order[n]
                     if k != reference:
                         other = told(frames, tables, times, k, i, c, most)
-                        if not (known and wp.abs(other[2] - best[2]) > stops):
+                        if not (known and apart(other[2], best[2], stops, most)):
                             weights += other[0]
                             total += other[0] * other[1]
                 found = total / wp.max(weights, FAINTEST)

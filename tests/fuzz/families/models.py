@@ -47,7 +47,8 @@ def model_file() -> bytes:
 
 def trained(steps: Any, **options: Any) -> float:
     """Train for a few steps; return the score of the last."""
-    if isinstance(steps, int) and steps > MOST_STEPS:  # it would do what it is told
+    # It would do what it is told, or train for a minute if it is told nothing.
+    if steps is None or (isinstance(steps, int) and steps > MOST_STEPS):
         raise ValueError("steps")
     made = radiance.fit(scene(), SMALL, steps=steps, progress=False, **options)
     return made.training.step
