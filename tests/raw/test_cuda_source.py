@@ -16,7 +16,6 @@ from cvkern.kernels.warp.raw import (
     _grids_cuda,
     _tone_cuda,
     exposures,
-    grids,
     tone,
 )
 from cvkern.kernels.warp.raw.demosaicing import _linear_cuda, _menon_cuda, planes, residual
@@ -48,7 +47,7 @@ MADE = {
     "survey": lambda: _tone_cuda.survey_four,
     "show": lambda: _tone_cuda.show_four,
     "luminance": lambda: tone._luminance.cuda(),
-    "fill": lambda: grids._fill_part,
+    "fill": lambda: _grids_cuda.fill_cells,
     "read": lambda: _grids_cuda.read_four,
 }
 

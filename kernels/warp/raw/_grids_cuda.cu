@@ -1,7 +1,70 @@
-// A bilateral grid on CUDA: a thread reads the cells around four pixels of a row.
+// A bilateral grid on CUDA: a block fills the cells of one place and smooths them along Z; a thread
+// reads four pixels of a row.
 #include "_sums_cuda.h"
 
-// needs STEPS, SLOTS
+// needs STEPS, SLOTS, DEEPEST
+void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
+                wp::array_t<float> taps, wp::array_t<float> out) {
+    enum { WIDE = 64, AHEAD = 4 };  // threads along a row, and values that one reads at once
+    // Lower and upper halves of sums, and numbers: atomic sums of 64 bits are slow.
+    __shared__ unsigned low[DEEPEST], high[DEEPEST], number[DEEPEST];
+    const int height = logs.shape[0], width = logs.shape[1], size = out.shape[2];
+    const int row = blockIdx.x / out.shape[1], column = blockIdx.x % out.shape[1];
+    for (int i = threadIdx.x; i < size; i += blockDim.x) low[i] = high[i] = number[i] = 0;
+    __syncthreads();
+    // The rows and the columns of pixels of the cell, at least.
+    const int top = max((int)(((float)row - 3.0f) / space), 0);
+    const int bottom = min((int)(((float)row - 1.0f) / space), height - 1);
+    const int left = max((int)(((float)column - 3.0f) / space), 0);
+    const int right = min((int)(((float)column - 1.0f) / space), width - 1);
+    for (int x = left + threadIdx.x % WIDE; x <= right; x += WIDE) {
+        if ((int)((float)x * space + 2.5f) != column) continue;
+        long long total = 0;
+        int z = 0, count = 0;
+        const auto flush = [&] {
+            if (!count) return;
+            const unsigned part = (unsigned)total, old = atomicAdd(low + z, part);
+            const unsigned more = (unsigned)(total >> 32) + (old + part < old);
+            if (more) atomicAdd(high + z, more);
+            atomicAdd(number + z, (unsigned)count);
+        };
+        const int step = blockDim.x / WIDE;
+        for (int y = top + threadIdx.x / WIDE; y <= bottom; y += AHEAD * step) {
+            float off[AHEAD];
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n)
+                off[n] = logs.data[(size_t)min(y + n * step, bottom) * width + x] - lowest;
+#pragma unroll
+            for (int n = 0; n < AHEAD; ++n) {
+                const int v = y + n * step;
+                if (v > bottom || (int)((float)v * space + 2.5f) != row) continue;
+                const int deep = (int)(off[n] * depth + 2.5f);
+                if (deep != z) {
+                    flush();
+                    total = count = 0;
+                    z = deep;
+                }
+                total += (long long)floorf(off[n] * STEPS + 0.5f);
+                ++count;
+            }
+        }
+        flush();
+    }
+    __syncthreads();
+    float* to = out.data + (size_t)blockIdx.x * 2 * size;
+    for (int i = threadIdx.x; i < 2 * size; i += blockDim.x) {
+        float total = 0.0f;
+        for (int t = 0; t < taps.shape[0]; ++t) {
+            const int u = i / 2 + t - taps.shape[0] / 2;
+            if (u < 0 || u >= size) continue;
+            const long long sum = (long long)(((unsigned long long)high[u] << 32) | low[u]);
+            total += taps.data[t] * (i % 2 ? (float)(long long)number[u] : (float)sum);
+        }
+        to[i] = total;
+    }
+}
+
+// needs STEPS, SLOTS, DEEPEST
 void read_four(wp::array_t<float> logs, wp::array_t<float> cells, float lowest, float space,
                float depth, wp::array_t<float> out, wp::array_t<wp::int64> sums) {
     const int height = logs.shape[0], width = logs.shape[1], parts = (width + 3) / 4;

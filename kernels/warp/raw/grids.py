@@ -1,12 +1,12 @@
 """A bilateral grid, in Warp; the Taichi set has the rules.
 
-On the CPU one thread fills a row of cells; on CUDA one thread adds up a row of pixels of a cell.
+On the CPU one thread fills a row of cells; on CUDA a block fills those of one place.
 """
 
 import warp as wp
 
 from cvkern.kernels.codes import raw as codes
-from cvkern.kernels.warp._launch import launch, launch_each
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_each
 from cvkern.kernels.warp.raw import _grids_cuda, _tone_cuda
 from cvkern.kernels.warp.raw._sums_cpu import add_up
 
@@ -26,13 +26,14 @@ def fill(
 ) -> None:
     """Add values and their number to the nearest of (Y, X, Z, 2) cells; smooth along Z into `out`.
 
-    Cells are 0 before.
+    Cells are 0 before, and on CUDA afterwards.
     """
     rows, columns = cells.shape[:2]
-    kernel, count = _fill, rows
+    inputs = [logs, lowest, space, depth]
     if out.device.is_cuda:
-        kernel, count = _fill_part, logs.shape[0] * columns
-    launch_each(kernel, count, 2 * logs.size, [logs, lowest, space, depth], [cells])
+        launch(_grids_cuda.fill_cells, rows * columns * BLOCK, [*inputs, taps], [out])
+        return
+    launch_each(_fill, rows, 2 * logs.size, inputs, [cells])
     launch_each(_smooth_depth, out.size, 9 * out.size, [cells, taps], [out])
 
 
@@ -104,41 +105,6 @@ def _fill(
                     value += wp.int64(wp.floor((logs[y, x] - lowest) * _STEPS + 0.5))
                     count += wp.int64(1)
                 _add(cells, item, at, z, value, count)
-
-
-@wp.kernel
-def _fill_part(
-    stride: int,
-    first: int,
-    last: int,
-    logs: wp.array2d[float],
-    lowest: float,
-    space: float,
-    depth: float,
-    # outputs
-    cells: wp.array4d[wp.int64],
-):
-    for item in range(first + wp.tid(), last, stride):
-        y = item // cells.shape[1]
-        at = item - y * cells.shape[1]
-        row = int(float(y) * space + 2.5)
-        # The columns of pixels that the cell adds up, at least.
-        left = int((float(at) - 3.0) / space)
-        right = int((float(at) - 1.0) / space)
-        value = wp.int64(0)
-        count = wp.int64(0)
-        z = int(0)
-        for x in range(wp.max(left, 0), wp.min(right, logs.shape[1] - 1) + 1):
-            if int(float(x) * space + 2.5) == at:
-                deep = int((logs[y, x] - lowest) * depth + 2.5)
-                if deep != z:
-                    _add(cells, row, at, z, value, count)
-                    value = wp.int64(0)
-                    count = wp.int64(0)
-                    z = deep
-                value += wp.int64(wp.floor((logs[y, x] - lowest) * _STEPS + 0.5))
-                count += wp.int64(1)
-        _add(cells, row, at, z, value, count)
 
 
 @wp.kernel
