@@ -3,9 +3,9 @@
 // by products on tensor cores (`mma`), of bytes, or of bits, whose squares and products are counts
 // of ones. A warp has all ROWS rows, in tiles of 16, and every WARPS-th group of eight other rows.
 //
-// Lane 4 g + t holds the t-th fours (or twos, if a row has 8 words) of row g of a tile, so that
-// lanes load side by side: in which order `mma` takes the words of a row does not matter, as long as
-// it is the same for both. It gets the products of rows g and g + 8 with the others 2 t and 2 t + 1.
+// Lane 4 g + t holds words t EACH to (t + 1) EACH of row g of a tile: in which order `mma` takes
+// the words of a row does not matter, as long as it is the same for both. It gets the products of
+// rows g and g + 8 with the others 2 t and 2 t + 1.
 //
 // A key is 256 (|b|^2 - 2 a b) plus the place among the others of a lane, below 256: less than 2^31
 // for 128 bytes. So two minima and a maximum find the nearest, the second, and the smallest place.
@@ -17,15 +17,10 @@ void match(wp::array_t<wp::uint32> words, wp::array_t<int> blocks, wp::array_t<i
         unsigned int word[EACH];
 
         void read(const wp::array_t<wp::uint32>& words, int row, int t) {
-            const unsigned int* const from = words.data + (size_t)row * WORDS;
-            if (EACH == 2) {
-                const uint2 two = __ldg((const uint2*)from + t);
-                word[0] = two.x, word[1] = two.y;
-            }
-            for (int k = 0; k < EACH / 4; ++k) {
-                const uint4 four = __ldg((const uint4*)from + 4 * k + t);
-                word[4 * k] = four.x, word[4 * k + 1] = four.y;
-                word[4 * k + 2] = four.z, word[4 * k + 3] = four.w;
+            const uint2* from = (const uint2*)(words.data + (size_t)row * WORDS + t * EACH);
+            for (int k = 0; k < EACH / 2; ++k) {
+                const uint2 two = __ldg(from + k);
+                word[2 * k] = two.x, word[2 * k + 1] = two.y;
             }
         }
 
