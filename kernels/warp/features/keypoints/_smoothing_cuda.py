@@ -20,7 +20,6 @@ WORDS = 8  # numbers of a job
 # Columns and rows of a tile, and blocks for a multiprocessor. A thread has a column with the reach
 # of the taps on both sides in registers.
 LARGE, SMALL = (256, 16, 3), (128, 4, 6)
-MOST_KEPT = 8  # sets of arrays whose jobs are kept
 NARROW = 24  # largest reach for small tiles
 FILLED = 384  # tiles that fill a GPU: where there are fewer, smaller ones end sooner
 
@@ -47,26 +46,12 @@ class Jobs(NamedTuple):
     rounds: list[tuple[tuple[int, int, int], int, int]]  # tile, first job, number of blocks
 
 
-_kept: dict[tuple, Jobs] = {}  # they follow from addresses and shapes alone
-
-
 def jobs_of(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> Jobs:
     """Return the jobs that smooth an image to the first level, and each level to the next one.
 
     The level that is third from the end of an octave is written at half its size as well, to the
     first level of the next octave: that octave need not wait for the last levels.
     """
-    arrays = (src, *taps, *octaves)
-    key = (src.device.alias, *((a.ptr, a.shape) for a in arrays))
-    kept = _kept.get(key)
-    if kept is None:
-        if len(_kept) >= MOST_KEPT:
-            _kept.clear()
-        kept = _kept[key] = _made(src, taps, octaves)
-    return kept
-
-
-def _made(src: wp.array, taps: Sequence[wp.array], octaves: Sequence[wp.array]) -> Jobs:
     rounds: dict[int, list[list[int]]] = {}
     for o, octave in enumerate(octaves):
         inner = octave.shape[0] - 3
