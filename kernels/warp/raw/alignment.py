@@ -20,8 +20,7 @@ from cvkern.kernels.warp._order import ordered
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
 
-_THREADS = 2**16  # threads of CUDA that count, of each image
-_FEW = 2**14  # threads that then share one place of memory
+_THREADS = 2**16  # threads of CUDA that count
 _PARTS, _TOP, _MOVES = wp.constant(PARTS), wp.constant(GREYS - 1), wp.constant(len(MOVES))
 _GROUP = wp.constant(GROUP)
 _Each = wp.types.vector(len(MOVES), wp.int32)
@@ -35,7 +34,7 @@ def mix(frames: wp.array, share: float, grey: wp.array, ends: wp.array) -> None:
     taken off 2^32, so that both are maxima.
     """
     images, pixels = grey.shape
-    each = min(_FEW, pixels) if grey.device.is_cuda else 1
+    each = min(_THREADS, pixels) if grey.device.is_cuda else 1
     kernel = _mix(frames.dtype)
     launch_each(kernel, images * each, frames.size, [frames, share, each], [grey, ends])
 
@@ -77,7 +76,7 @@ def compare(sides: wp.array, fixed: int, shifts: wp.array, sums: wp.array) -> No
     """
     images, height, width = sides.shape
     if sides.device.is_cuda:
-        threads = min(_THREADS, height * width)
+        threads = min(_THREADS // 4, height * width)
         launch(_compare, (images, threads), [threads, sides, fixed, shifts], [sums])
         return
     count = min(slabs(height, 9 * height * width), PARTS)
@@ -300,7 +299,7 @@ def _compare(
         y = i // width
         x = i - y * width
         there = int(sides[fixed, y, x])
-        if there > 0 and k != fixed:
+        if there > 0:
             for n in range(_MOVES):
                 v = y - dy - _DOWN[n]
                 u = x - dx - _ALONG[n]
