@@ -178,7 +178,16 @@ def page(dtype: Any, shape: tuple[int, ...]) -> wp.array:
 def view(
     array: wp.array, dtype: Any, shape: tuple[int, ...], strides: tuple[int, ...] | None = None
 ) -> wp.array:
-    """View the memory of `array` with another dtype or shape; the view is kept with the array."""
+    """View the memory of `array` with another dtype or shape, and keep that memory alive.
+
+    The view is kept with the array for later calls, unless the array itself owns the memory: each
+    would keep the other alive.
+    """
+    owner = array.__dict__.get("owner")
+    if owner is None:
+        seen = view_at(array.ptr, dtype, shape, array.device, strides)
+        seen.owner = array  # pyright: ignore[reportAttributeAccessIssue]
+        return seen
     views = array.__dict__.setdefault("views", {})
     key = (dtype, shape)
     seen = views.get(key)
@@ -186,6 +195,5 @@ def view(
         if len(views) >= _MAX_VIEWS:
             views.clear()
         seen = views[key] = view_at(array.ptr, dtype, shape, array.device, strides)
-        # Keep the owner of `array` alive; a reference to `array` would be a cycle.
-        seen.owner = array.__dict__.get("owner")  # pyright: ignore[reportAttributeAccessIssue]
+        seen.owner = owner  # pyright: ignore[reportAttributeAccessIssue]
     return seen

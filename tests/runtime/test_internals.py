@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import threading
+import weakref
 import zlib
 from pathlib import Path
 
@@ -17,7 +18,7 @@ import pytest
 import warp as wp
 
 import cvkern
-from cvkern.kernels.warp import _internals
+from cvkern.kernels.warp import _internals, _scratch
 from tests.calls import CALLS, blobs, fields
 
 ROOT = Path(__file__).parents[2]
@@ -25,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 PLAIN = """
 import json, sys, warp
 warp.__version__ = sys.argv[1]
-from cvkern.kernels.warp import _internals
+from cvkern.kernels.warp import _internals, _scratch
 from tests.runtime.test_internals import checksums
 print(json.dumps([_internals.QUICK, checksums()]))
 """
@@ -192,3 +193,14 @@ def test_work_is_shared_by_the_threads_that_the_user_wants(monkeypatch, threads)
     with cvkern.use(backend="warp", device="cpu"):
         cvkern.box(image, 3)
     assert len(sent) == whole
+
+
+def test_a_view_keeps_the_memory_that_its_array_owns():
+    array = wp.zeros(8, dtype=wp.uint8, device="cpu")
+    there = weakref.ref(array)
+    seen = _scratch.view(array, wp.uint64, (1,))
+    assert seen.ptr == array.ptr
+    del array
+    assert there() is not None
+    del seen
+    assert there() is None  # without waiting for a collection of cycles
