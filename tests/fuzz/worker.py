@@ -152,11 +152,10 @@ def differ(first: Any, second: Any) -> str:
     if a.dtype.kind == "f":
         same = (a == b) & (np.signbit(a) == np.signbit(b)) | (np.isnan(a) & np.isnan(b))
         with np.errstate(all="ignore"):  # denormal squares are 0 to Taichi, as docs/built.md says
-            same |= (np.abs(a) < TINY) & (np.abs(b) < TINY) & (a != b)
-            largest = np.max(np.abs(a), initial=0, where=np.isfinite(a))
             apart = np.abs(a.astype(np.float64) - b)
+            same |= (apart > 0) & (apart < TINY)
+            largest = np.max(np.abs(a), initial=0, where=np.isfinite(a))
             same |= (apart > 0) & (apart <= DENORMAL * largest)  # denormal weights were lost
-            same |= apart * (np.abs(a) + np.abs(b)) < 2 * DENORMAL  # denormal squares, in a root
     else:
         same = a == b
     if np.all(same):
