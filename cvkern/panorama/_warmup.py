@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from cvkern.panorama import recognize_panoramas, stitch
+from cvkern.panorama import match_photographs, recognize_panoramas, stitch
 
 
 def calls() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -21,5 +21,6 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     wide = np.asarray(200 * wide / wide.max(), np.uint8)
     parts = [wide[:, :130], wide[:, 50:]]
     yield "recognize_panoramas", partial(recognize_panoramas, parts)
+    yield "match_photographs", partial(match_photographs, *parts)
     for dtype in (np.uint8, np.float32):
         yield "stitch", partial(stitch, [p.astype(dtype) for p in parts], data_range=255, bands=2)

@@ -63,6 +63,9 @@ class Ball(Field):
     def backward(self, gradients):
         raise AssertionError("rendering takes no gradients")
 
+    def collected(self):
+        raise AssertionError("rendering takes no gradients")
+
     def learn(self, learning):
         raise AssertionError("rendering learns nothing")
 

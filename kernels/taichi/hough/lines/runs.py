@@ -172,6 +172,7 @@ def _choose(
     begins: i32_1,
     none: ti.i32,
     least: ti.f64,
+    density: ti.f64,
     zero: ti.i32,
     # outputs
     places: i32_1,
@@ -183,7 +184,7 @@ def _choose(
             end = begins[r + 1]
             length = along[order[end - 1]] - along[order[begin]]
             group = ti.cast(keys[begin] >> ti.cast(32, ti.i64), ti.i32)
-            needed = wide_product(ti.cast(DENSITY, ti.f64), length, zero)
+            needed = wide_product(density, length, zero)
             if group != none and length >= least and ti.cast(end - begin, ti.f64) >= needed:
                 kept = 1
         places[r] = kept
@@ -250,7 +251,7 @@ def cut(
     _flag(keys, order, along, none, max_gap, ranks)
     _add(ranks)
     _begin(ranks, begins)
-    _choose(keys, order, along, ranks, begins, none, least, 0, places)
+    _choose(keys, order, along, ranks, begins, none, least, DENSITY, 0, places)
     _add(places)
     _mark(order, ranks, begins, places, runs, chosen, total)
 
