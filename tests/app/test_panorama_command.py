@@ -78,7 +78,8 @@ def test_a_damaged_file_and_one_of_words(command, photographs, tmp_path):
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert list(report["unreadable"]) == ["bad.jpg"]
     assert report["panoramas"][0]["members"] == ["a.jpg", "b.png", "c.jpg"]
-    (folder / "a.jpg").unlink(), (folder / "b.png").unlink(), (folder / "c.jpg").unlink()
+    for name in ("a.jpg", "b.png", "c.jpg"):
+        (folder / name).unlink()
     code, _, error = command("panorama", folder, "-o", tmp_path / "none")
     assert code == 2
     assert "folder must have images that can be read, got 'bad.jpg'" in error

@@ -47,7 +47,9 @@ def test_a_projector_above(command, tmp_path):
     scan = cvkern.make_scan("gray_code", SHAPE, PROJECTOR)
     swap = np.eye(3)[[1, 0, 2]]
     left, right = (
-        cvkern.Camera(swap @ c.matrix @ swap, c.distortion[[0, 1, 3, 2, 4]], c.shape[::-1])
+        cvkern.Camera(
+            swap @ c.matrix @ swap, c.distortion[[0, 1, 3, 2, 4]], (c.shape[1], c.shape[0])
+        )
         for c in (scan.calibration.left, scan.calibration.right)
     )
     turned = scan.calibration._replace(

@@ -104,7 +104,9 @@ def test_pairs_that_opencv_writes_under_several_names(tmp_path, ending, names):
     same_camera(found.right, cvkern.Camera(mine.right.matrix, mine.right.distortion, (600, 800)))
     np.testing.assert_array_equal(found.rotation, mine.rotation)
     np.testing.assert_array_equal(found.translation, mine.translation)
-    assert cvkern.read_calibration(path).right.shape == SHAPE
+    read = cvkern.read_calibration(path)
+    assert isinstance(read, cvkern.StereoCalibration)
+    assert read.right.shape == SHAPE
 
 
 GOOD = {

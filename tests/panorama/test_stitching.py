@@ -210,7 +210,7 @@ def test_dtypes(sheet):
     # Colours win where they are; far from them a grey photograph stays grey.
     seen = [seen_in(mixed, n, image)[1] for n, image in enumerate((gray[0], sheet[1]))]
     spread = np.ptp(mixed.image.astype(int), axis=2)
-    away = ndi.distance_transform_edt(~seen[1]) > 60
+    away = np.asarray(ndi.distance_transform_edt(~seen[1])) > 60
     assert spread[seen[0] & away].max() <= 1
     drawn = seen_in(mixed, 1, np.ascontiguousarray(sheet[1]))[0]
     both = ndi.binary_erosion(seen[0] & seen[1], iterations=3)

@@ -131,7 +131,7 @@ def test_stacks(backend):
     for images in ((left, right), (left[..., 0].copy(), right[..., 0].copy())):
         for method in ("semi-global", "window"):
             given = [torch.from_numpy(i).cuda() for i in images]
-            got = cvkern.stereo_match(*given, (0, 16), method=method, batch_axis=0)
+            got = cvkern.stereo_match(given[0], given[1], (0, 16), method=method, batch_axis=0)
             want = cvkern.stereo_match(*images, (0, 16), method=method, batch_axis=0)
             for a, b in zip(got, want, strict=True):
                 np.testing.assert_array_equal(a.cpu().numpy(), b)

@@ -92,7 +92,7 @@ class Case:
             0,
             out=[((self.samples, 16), F32)],
         )
-        if self.table is not None:
+        if self.table is not None and self.views is not None:
             features = np.concatenate([features, self.table[self.views[self.rays]]], 1)
         given = self.features, features, self.d_sigma, self.d_rgb
         features, views, d_sigma, d_rgb = (a[: self.total].astype(float) for a in given)

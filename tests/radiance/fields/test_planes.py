@@ -1,5 +1,7 @@
 """Rays through parallel planes and their gradients, against NumPy in float64."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -128,7 +130,7 @@ def test_colours_depend_on_the_side():
     np.testing.assert_allclose(rt.to_numpy(seen.color), wanted[0], atol=0.02)  # see below
 
 
-def shine_gradients(rt, case, dtype=np.float32):
+def shine_gradients(rt, case, dtype: Any = np.float32):
     """Return the gradients by texels and by coefficients."""
     texels = owned(rt, case.texels.astype(np.float32))
     shine, given = case.shine(rt), Seen(*(owned(rt, g.astype(np.float32)) for g in case.gradients))
