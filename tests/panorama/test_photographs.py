@@ -62,7 +62,8 @@ def test_strangers_and_pictures_without_points():
 def test_photographs_of_planes(names, file, limit):
     folder = truth("homography")
     a, b = (cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE) for name in names)
-    assert a is not None and b is not None
+    assert a is not None
+    assert b is not None
     found = cvkern.match_photographs(a, b)
     assert corners_off(found.matrix, np.loadtxt(folder / file), a.shape) < limit
 
