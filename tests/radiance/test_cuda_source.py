@@ -132,7 +132,9 @@ def test_voxel_backward_compiles_for_hopper(sums, add, tmp_path):
 
 @pytest.mark.parametrize("texel", [wp.vec4, wp.uint32])
 def test_rendering_of_planes_compiles_for_hopper(texel, tmp_path):
-    compile_for_hopper(load("radiance.fields.planes.rays").renderer(texel).module, tmp_path)
+    for shiny in (False, True):
+        kernel = load("radiance.fields.planes.rays").renderer(texel, shiny)
+        compile_for_hopper(kernel.module, tmp_path)
     if texel is wp.uint32:
         code = compile_for_hopper(load("radiance.fields.planes._rays_cuda"), tmp_path / "bytes")
         assert code.count("ld.global.nc.u32") + code.count("ld.global.nc.b32") == 16

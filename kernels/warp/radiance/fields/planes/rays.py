@@ -78,7 +78,7 @@ def texel_of_bytes(
 
 
 @cache
-def renderer(texel: Any) -> wp.Kernel:
+def renderer(texel: Any, shiny: bool) -> wp.Kernel:
     """Return the kernel for texels of a kind."""
     fetch = texel_of_bytes if texel is wp.uint32 else texel_of
 
@@ -111,7 +111,7 @@ def renderer(texel: Any) -> wp.Kernel:
                         t = fetch(texels, plane, at.row, at.column, at.down, at.right)
                         if t[3] > 0.0:
                             own = wp.vec3(t[0], t[1], t[2])
-                            if shine.maps.shape[3] > 0:
+                            if wp.static(shiny):
                                 own += t[3] * shift_of(shine, path, q, plane, at)
                             color += through * own
                             depth += through * t[3] * distance_of(path, q)
@@ -154,7 +154,7 @@ def render(
         launch(cuda.render_bytes, cuda.threads(count, row), given, [struct_of(Seen, seen)])
         return
     launch_each(
-        renderer(texels.dtype), count, 8 * texels.shape[0] * count, inputs,
+        renderer(texels.dtype, shine is not None), count, 8 * texels.shape[0] * count, inputs,
         [struct_of(Seen, seen)],
     )  # fmt: skip
 
