@@ -10,6 +10,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.features import corner_harris, corner_peaks, sift
+from cvkern.features._photographs import prepared
 from cvkern.kernels.codes.recognition import FINE, OCTAVE, PART, SPREAD, WHITE
 from cvkern.recognition._kept import kept
 from cvkern.transform.resampling import resample
@@ -102,9 +103,7 @@ def prepare(rt: Runtime, image: Any, white: float, pyramid: Pyramid) -> Any:
     """Return room for the pixels of a pyramid (P,), for kernels; the image is in it already."""
     height, width = image.shape[:2]
     pixels = rt.scratch("recognition.pyramid", (pyramid.firsts[-1],))
-    gray = pixels[: height * width].reshape((height, width))
-    src = rt.adopt(image, shape=(height, width, image.shape[2] if len(image.shape) == 3 else 1))
-    rt.features.keypoints.extrema.prepare(src, float(np.float32(1.0 / white)), gray)
+    prepared(rt, image, white, pixels[: height * width].reshape((height, width)))
     return pixels
 
 

@@ -103,7 +103,7 @@ def search(
         if painter:
             painter.paint(modes)
 
-    given = pixels, corners, *patches, words, weights, *occurrences, *hall.space[:1], hall.tiles
+    given = pixels, corners, *patches, words, weights, *occurrences, hall.space.bins, hall.tiles
     given += hall.space.factors, hall.spans, frame.layers, sums, modes
     given += (figures, balance) if painted else ()
     while True:

@@ -206,7 +206,7 @@ def window_at(example: Example, place: np.ndarray, factors: Factors, settings: S
     seen, side = example.places, settings.sampling.side
     axis = int(settings.width >= settings.height)
     parts = []
-    for layer, (high, wide, down, along, offset, first) in enumerate(settings.frame.layers):
+    for layer, (high, wide, down, along, offset, first) in enumerate(frame_of(settings).layers):
         half = np.array([high, wide])
         codes = seen.levels[:, 0]
         level = int(np.abs(codes - place[2] - offset).argmin())

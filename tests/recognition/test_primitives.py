@@ -254,7 +254,7 @@ def test_figures(kernels):
     masks = kernels(
         "recognition.figures.spread_figures", balance, modes, space, out=[((3, 60, 80), U8)]
     )
-    for mode, box, mask in zip(modes[1:].tolist(), balance, masks, strict=False):
+    for mode, box, mask in zip(modes[1:].tolist(), balance[:3], masks, strict=True):
         want = reference.balance(listed, patches.places, figures, mode, window, frame, shape[1:])
         assert (want != 0).sum() > 100
         np.testing.assert_array_equal(box, want)

@@ -62,7 +62,7 @@ def _find(
                     best_column = column
         if best_row < 0:
             for k in range(4):
-                maxima[t, k] = -1
+                maxima[t, k] = NOBODY
         else:
             maxima[t, 0] = best_row * side + side // 2
             maxima[t, 1] = best_column * side + side // 2
