@@ -182,11 +182,11 @@ class Scene:
     def __init__(self, rt: Runtime, values: Any, valid: Any) -> None:
         self.rt, self.values = rt, values
         self.shape = tuple(values.shape[:2])
-        self.valid = np.array(rt.to_numpy(valid)) != 0
+        self.valid = rt.to_numpy(valid) != 0
         self._inner = rt.scratch("constancy.inner", self.shape, np.uint8)
         rt.color.constancy.inner(valid, self._inner)
         # A scene too small has no such pixels: then all that count serve.
-        inner = np.array(rt.to_numpy(self._inner)) != 0
+        inner = rt.to_numpy(self._inner) != 0
         if not inner.any():
             self._inner, inner = valid, self.valid
         self.inner = inner
@@ -194,7 +194,7 @@ class Scene:
     @cached_property
     def pixels(self) -> np.ndarray:
         """(3, N) float64: the pixels that count, channel by channel."""
-        return np.array(self.rt.to_numpy(self.values))[self.valid].T.astype(np.float64)
+        return self.rt.to_numpy(self.values)[self.valid].T.astype(np.float64)
 
     def filtered(self, name: str, values: Any, down: np.ndarray, across: np.ndarray) -> Any:
         """Correlate the channels (H, W, C) of values down the rows, then along the columns."""
@@ -211,15 +211,19 @@ class Scene:
         """Return derivatives of these orders of a Gaussian of 1 pixel."""
         return self.filtered(name, values, gaussian_taps(1.0, down), gaussian_taps(1.0, across))
 
+    def curved(self, values: Any) -> tuple[Any, Any]:
+        """Return second derivatives (N, C) of the channels, down the rows and along columns."""
+        flat = (self.valid.size, values.shape[2])
+        down = self.derived(values, "one", 2, 0).reshape(flat)
+        return down, self.derived(values, "two", 0, 2).reshape(flat)
+
     def lively(self, means: Any, least: float) -> np.ndarray:
         """Return the inner pixels where all channels differ from their surroundings."""
-        flat = (self.shape[0] * self.shape[1], 3)
-        down = self.derived(means, "one", 2, 0).reshape(flat)
-        across = self.derived(means, "two", 0, 2).reshape(flat)
-        good = self.rt.scratch("constancy.good", flat[:1], np.uint8)
-        among = self._inner.reshape(flat[:1])
-        self.rt.color.constancy.contrasts(down, across, among, least, good)
-        return np.array(self.rt.to_numpy(good)) != 0
+        size = (self.valid.size,)
+        good = self.rt.scratch("constancy.good", size, np.uint8)
+        down, across = self.curved(means)
+        self.rt.color.constancy.contrasts(down, across, self._inner.reshape(size), least, good)
+        return self.rt.to_numpy(good) != 0
 
 
 def _gathered(rt: Runtime, pixels: Any, mask: Any, black: float, scale: float) -> Scene:
@@ -262,7 +266,7 @@ def _edges(order: int, p: float) -> Callable[[Scene], np.ndarray]:
         found = rt.scratch("constancy.lengths", flat)
         factor = 4.0 if order == 2 else 0.0
         rt.color.constancy.lengths(parts[0], parts[1], parts[-1], factor, found)
-        lengths = np.array(rt.to_numpy(found)).reshape(*scene.shape, 3)[scene.inner]
+        lengths = rt.to_numpy(found).reshape(*scene.shape, 3)[scene.inner]
         means = np.mean(lengths.T.astype(np.float64) ** p, axis=1) ** (1 / p)
         return _unit(means) if means.any() else _power(1)(scene)
 
@@ -281,28 +285,26 @@ def _bright_and_dark(scene: Scene) -> np.ndarray:
 
 
 def _grayness(scene: Scene) -> np.ndarray:
-    rt, size = scene.rt, scene.shape[0] * scene.shape[1]
+    rt, size = scene.rt, scene.valid.size
     means = scene.filtered("means", scene.values, SQUARE, SQUARE)
     good = scene.lively(means, CONTRAST)
     if not good.any():
         return _power(1)(scene)
     logs = rt.scratch("constancy.logs", (size, 2))
     rt.color.constancy.logarithms(means.reshape((size, 3)), logs)
-    pairs = logs.reshape((*scene.shape, 2))
-    down = scene.derived(pairs, "one", 2, 0).reshape((size, 2))
-    across = scene.derived(pairs, "two", 0, 2).reshape((size, 2))
+    down, across = scene.curved(logs.reshape((*scene.shape, 2)))
     changes = rt.scratch("constancy.changes", (size,))
     rt.color.constancy.sizes(down, across, changes)
     near = scene.filtered("near", changes.reshape((*scene.shape, 1)), SQUARE, SQUARE)
     places = np.flatnonzero(good)
-    grayness = np.array(rt.to_numpy(near)).ravel()[places]
+    grayness = rt.to_numpy(near).ravel()[places]
     count = min(max(1, int(size * GREY_SHARE)), len(places))
     # The first of equal ones count.
     last = np.partition(grayness, count - 1)[count - 1]
     below = np.flatnonzero(grayness < last)
     equal = np.flatnonzero(grayness == last)[: count - len(below)]
     chosen = places[np.concatenate([below, equal])]
-    light = np.array(rt.to_numpy(means)).reshape(size, 3)[chosen]
+    light = rt.to_numpy(means).reshape(size, 3)[chosen]
     return _unit(light.astype(np.float64).mean(axis=0))
 
 

@@ -65,7 +65,7 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     >>> cvkern.equalize_hist(np.array([[0, 1, 1, 255]], np.uint8))
     array([[0.25, 0.75, 0.75, 1.  ]], dtype=float32)
     """
-    image, most = checked(image)
+    image, most, ends = checked(image)
     nbins = check_integer(nbins, "nbins", 2, LEVELS)
     dtype = check_depth(dtype)
     top = 1 if dtype.kind == "f" else 255
@@ -86,8 +86,7 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     values = rt.adopt(image, np.float32, (size,))
     out = rt.adopt(result, dtype, (size,))
     found = out if dtype.kind == "f" else rt.scratch("contrast.shares", (size,))
-    low, high, _ = extremes(rt, values)
-    edges = _edges(low, high, nbins)
+    edges = _edges(*ends, nbins)
     counts = rt.zeros((nbins,), np.int32)
     rt.color.contrast.count(values, rt.send("edges", edges.astype(np.float64)), counts)
     centres = ((edges[:-1] + edges[1:]) / 2).astype(np.float64)
@@ -164,7 +163,7 @@ def equalize_adapthist(
     >>> float(even.min()), float(even.max())
     (0.0, 1.0)
     """
-    image, most = checked(image)
+    image, most, (low, high) = checked(image)
     if len(image.shape) == 3 and image.shape[2] != 3:
         raise ValueError(f"image must have shape (H, W) or (H, W, 3), got {tuple(image.shape)}")
     nbins = check_integer(nbins, "nbins", 2, TONES)
@@ -186,12 +185,10 @@ def equalize_adapthist(
     if most and channels == 1:
         flat, found = (rt.adopt(image, CODES[most], s) for s in ((size,), (rows, columns)))
     else:
-        if not most:
-            low, high, _ = extremes(rt, values.reshape((size * channels,)))
-            if low < 0 or high > 1:
-                raise ValueError(
-                    f"image must be in 0 to 1 if it holds floats, got {low + 0.0:g} to {high:g}"
-                )
+        if not most and (low < 0 or high > 1):
+            raise ValueError(
+                f"image must be in 0 to 1 if it holds floats, got {low + 0.0:g} to {high:g}"
+            )
         flat = rt.scratch("contrast.levels", (size,), CODES[top])
         found = flat.reshape((rows, columns))
         contrast.levels(values, float(1 if most else top), flat)
@@ -235,19 +232,23 @@ def _extent(rt: Runtime, found: Any) -> tuple[int, int]:
     return int(least), int(most)
 
 
-def checked(image: Any) -> tuple[Any, int]:
-    """Return the image, and the white of its integers, or 0 of floats, which are finite then."""
+def checked(image: Any) -> tuple[Any, int, tuple[float, float]]:
+    """Return the image, the white of its integers, or 0 of finite floats, and the range.
+
+    The range of floats is from the least to the largest; that of integers is the type's.
+    """
     image = check_image(image, ndim=(2, 3))
     dtype = np.dtype(library(image).dtype(image))
     if dtype in MOST:
-        return image, MOST[dtype]
+        return image, MOST[dtype], (0.0, float(MOST[dtype]))
     if dtype.kind != "f":
         raise ValueError(f"image must be of uint8, uint16 or floats, got {dtype}")
     rt = runtime(image)
     values = rt.adopt(image, np.float32, (int(np.prod(image.shape)),))
-    if not extremes(rt, values)[2]:
+    low, high, finite = extremes(rt, values)
+    if not finite:
         raise ValueError("image must be finite in float32, got some values that are not")
-    return image, 0
+    return image, 0, (low, high)
 
 
 def extremes(rt: Runtime, values: Any) -> tuple[float, float, bool]:
@@ -255,7 +256,7 @@ def extremes(rt: Runtime, values: Any) -> tuple[float, float, bool]:
     keys = rt.scratch("contrast.keys", (SLOTS, 3), np.int64)
     rt.clear(keys)
     rt.color.contrast.survey(values, keys)
-    found = np.array(rt.to_numpy(keys)).max(axis=0)
+    found = rt.to_numpy(keys).max(axis=0)
     ends = floats_of(np.array([2**31 - found[0], found[1] - 2**31], np.int64).astype(np.int32))
     return float(ends[0]), float(ends[1]), not found[2]
 

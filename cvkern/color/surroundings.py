@@ -85,7 +85,7 @@ def retinex(
     >>> round(float(cvkern.retinex(scene, 2.0)[4, 4]), 2)
     0.65
     """
-    image, most = checked(image)
+    image, most, _ = checked(image)
     sigmas = np.atleast_1d(as_numbers(sigma, "sigma"))
     if sigmas.ndim != 1 or not sigmas.size or not (np.isfinite(sigmas).all() and sigmas.min() > 0):
         raise ValueError(f"sigma must be one or more numbers above 0, got {sigma}")

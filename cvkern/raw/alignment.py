@@ -85,7 +85,7 @@ def align_exposures(images: Any, *, reach: int = 64) -> Alignment:
         grey.append(rt.scratch(f"align.level{n + 1}", (shape[0], *sides), np.int32))
         rt.raw.alignment.halve(grey[n], grey[n + 1])
     sides, medians = zip(*(_split(rt, n, level) for n, level in enumerate(grey)), strict=True)
-    fixed = _middle(low + np.array(rt.to_numpy(medians[0])) / units, 2 / float(units.min()))
+    fixed = _middle(low + rt.to_numpy(medians[0]) / units, 2 / float(units.min()))
     shifts = _shifts(rt, sides, fixed)
     if library(images).writable:
         return Alignment(_moved(images, shifts), shifts)
@@ -146,7 +146,7 @@ def _shifts(rt: Runtime, sides: Sequence[Any], fixed: int) -> np.ndarray:
         rt.raw.alignment.compare(level, fixed, shifts, sums)
         _, height, width = level.shape
         rt.raw.alignment.choose(sums, height, width, shifts)
-    return np.array(rt.to_numpy(shifts)).astype(np.int64)
+    return rt.to_numpy(shifts).astype(np.int64)
 
 
 def _moved(images: Any, shifts: np.ndarray) -> Any:

@@ -12,10 +12,11 @@ import typer
 
 import cvkern
 from cvkern.app.commands import Backend, Device, Drawing, Overwrite, check_apart, check_new
+from cvkern.images._exif import EXIF
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
 TIMES = "exposure_seconds.json"
-EXIF, EXPOSURE_TIME = 0x8769, 0x829A  # tags of Exif: where a camera's own begin, and seconds
+EXPOSURE_TIME = 0x829A  # tag of EXIF, in seconds
 
 
 def hdr(
