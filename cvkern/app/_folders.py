@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
@@ -55,8 +56,8 @@ def _check(source: Path, files: list[Path], targets: dict[str, Path], photo: str
     """Refuse folders that do not fit, and make those to write."""
     if not files:
         raise ValueError(f"{photo} must be a folder with photographs, got none in {str(source)!r}")
-    stems = [file.stem for file in files]
-    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    stems = sorted(file.stem for file in files)
+    twice = next((one for one, other in itertools.pairwise(stems) if one == other), None)
     if twice is not None:
         raise ValueError(f"{photo} must have files of different names, got {twice!r} twice")
     for name, folder in targets.items():

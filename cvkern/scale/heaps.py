@@ -107,8 +107,8 @@ def map_images(
     ------
     ValueError
         If `paths` is empty, two files would have the same result, a result would replace a file of
-        `paths`, the function, the engine or the
-        device is unknown, or `suffix` is no format of results.
+        `paths`, the function, the engine or the device is unknown, or `suffix` is no format of
+        results.
     TypeError
         If a path is not one.
     ImportError
