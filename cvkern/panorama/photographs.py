@@ -112,9 +112,9 @@ def match_photographs(
 
     Notes
     -----
-    The last homography minimises the sum over matches of ``e^2 / (1 + e^2)``, where e is the
-    distance over 0.1 scales plus 0.2 pixels, by Gauss-Newton steps in float64. Matches of another
-    plane, a few pixels off, hardly count in that sum [2]_.
+    The last homography minimises the sum over matches of ``e^2 / (1 + e^2)``, where e^2 is the
+    squared distance over the sum of the squares of 0.1 scales and of 0.2 pixels, by Gauss-Newton
+    steps in float64. Matches of another plane, a few pixels off, hardly count in that sum [2]_.
 
     References
     ----------

@@ -78,7 +78,7 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     if compensate and count > 1:
         gains = find_gains(rt.to_numpy(values), rt.to_numpy(weights), coarse, sources.white)
     gray = np.array([len(i.shape) == 2 or i.shape[2] == 1 for i in sources.images])
-    if channels > 1 and gray.any() and not gray.all():
+    if gray.any() and not gray.all():
         gains[gray] = np.exp(np.log(gains[gray]).mean(axis=1, keepdims=True))
         rt.write(weights, _behind(np.array(rt.to_numpy(weights)), gray, coarse))
     shape = coarse.height, coarse.width

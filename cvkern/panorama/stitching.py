@@ -6,7 +6,6 @@ import math
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from os import cpu_count
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -232,6 +231,8 @@ def _check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
 
 def _planned(heap: Heap, focals: np.ndarray | None, options: Options, say: Progress) -> list[Plan]:
     """Align every panorama of the heap, and refuse those that are too large."""
+    from cvkern.kernels._threads import cpu_threads
+
     links = link_images(heap, say)
     groups = connected(len(heap.images), [(link.first, link.second) for link in links])
     groups = [members for members in groups if len(members) > 1]
@@ -241,7 +242,7 @@ def _planned(heap: Heap, focals: np.ndarray | None, options: Options, say: Progr
         return _plan(heap, members, own, focals, options)
 
     # NumPy's work on one panorama leaves processors idle.
-    with ThreadPoolExecutor(max(1, min(len(groups), cpu_count() or 1))) as pool:
+    with ThreadPoolExecutor(max(1, min(len(groups), cpu_threads()))) as pool:
         plans = list(pool.map(plan, groups))
     for made in plans:
         if made.alignment.model.endswith("tree"):

@@ -78,6 +78,14 @@ def check_new(path: Path | None, name: str, overwrite: bool, or_else: str = "") 
         )
 
 
+def rows_and_columns(text: str, name: str, such: str, least: int) -> tuple[int, int]:
+    """Return rows and columns of COLUMNSxROWS, each at least `least`."""
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(part.isdecimal() and int(part) >= least for part in parts):
+        raise ValueError(f"{name} must be COLUMNSxROWS, {such}, got {text!r}")
+    return int(parts[1]), int(parts[0])
+
+
 def as_gray(image: np.ndarray) -> np.ndarray:
     """Return the grey values of an image from a file, rounded to the dtype of the file."""
     from cvkern.images.colors import luma

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,7 +10,15 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, Overwrite, check_new, progress_bar
+from cvkern.app.commands import (
+    PHOTOGRAPHS,
+    Backend,
+    Device,
+    Overwrite,
+    check_new,
+    progress_bar,
+    rows_and_columns,
+)
 from cvkern.geometry.cameras.calibration import PARAMETERS, free_of
 
 
@@ -49,7 +56,7 @@ def calibrate(
     """
     from cvkern._files import check_target
 
-    shape = _board(board)
+    shape = rows_and_columns(board, "board", "9x6 say, each at least 2", 2)
     names = [name for name in fixed.replace(",", " ").split() if name]
     need = max(1, -(-int(free_of(names)[:4].sum()) // 2))
     if output.suffix.lower() not in (".json", ".yml", ".yaml"):
@@ -107,14 +114,6 @@ def _said_of_pair(found: cvkern.StereoCalibration, lists: list[list[Any]]) -> st
     pairs = [rectified.points(a, b) for a, b in zip(*lists, strict=True)]
     gap = np.mean([np.abs(a[:, 0] - b[:, 0]).mean() for a, b in pairs])
     return f"baseline {rectified.baseline:.6g}; rows of rectified corners differ by {gap:.3f} px"
-
-
-def _board(board: str) -> tuple[int, int]:
-    """Return rows and columns of COLUMNSxROWS."""
-    parts = board.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() and int(part) >= 2 for part in parts):
-        raise ValueError(f"board must be COLUMNSxROWS, 9x6 say, each at least 2, got {board!r}")
-    return int(parts[1]), int(parts[0])
 
 
 def _files(folder: Path, names: str) -> list[Path]:
@@ -179,9 +178,8 @@ def _detected(
                 found.append(corners)
                 shapes.append(size if corners is not None else None)
                 bar.advance(task)
-            size, _ = (
-                Counter(s for s in shapes if s).most_common(1)[0] if any(shapes) else ((1, 1), 0)
-            )
+            seen = [s for s in shapes if s]
+            size = max(seen, key=seen.count, default=(1, 1))
             for n, (file, other) in enumerate(zip(files, shapes, strict=True)):
                 if other not in (None, size):
                     typer.echo(f"{file.name}: left out: its size is {other}, that of most {size}")

@@ -17,6 +17,7 @@ from cvkern.app.commands import (
     OverwriteFolder,
     as_gray,
     check_folder,
+    rows_and_columns,
 )
 from cvkern.structured_light.patterns import code_bits
 
@@ -63,7 +64,9 @@ def scan(
     if not folder.is_dir():
         raise FileNotFoundError(f"folder must exist, got {str(folder)!r}")
     check_folder(output, RESULTS, overwrite)
-    size = None if projector is None else _size(projector)
+    size = None
+    if projector is not None:
+        size = rows_and_columns(projector, "projector", "1920x1080 say", 1)
     pair = cvkern.read_calibration(calibration, right_shape=size)
     if not isinstance(pair, cvkern.StereoCalibration):
         raise ValueError(f"calibration must be of a camera and a projector, got {calibration}")
@@ -111,14 +114,6 @@ def scan(
     typer.echo(f"{output / 'depth.tif'}: {near:.6g} to {far:.6g}")
     typer.echo(f"{output / 'cloud.ply'}: {len(cloud)} points")
     typer.echo(f"{output / 'turntable.gif'}: {len(movie)} frames")
-
-
-def _size(projector: str) -> tuple[int, int]:
-    """Return rows and columns of COLUMNSxROWS."""
-    parts = projector.lower().split("x")
-    if len(parts) != 2 or not all(part.isdecimal() and int(part) > 0 for part in parts):
-        raise ValueError(f"projector must be COLUMNSxROWS, 1920x1080 say, got {projector!r}")
-    return int(parts[1]), int(parts[0])
 
 
 def _gray(frames: list[np.ndarray], shape: tuple[int, int]) -> tuple[Any, np.ndarray]:
