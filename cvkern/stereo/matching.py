@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from cvkern._checks import check_axes, check_image
-from cvkern._runtime import Runtime, runtime
+from cvkern._runtime import runtime
 from cvkern.stereo._plan import plan_of
 
 
@@ -149,29 +147,23 @@ def stereo_match(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
     rt = runtime(left, right)
+    one = tuple(left.shape)
+    stack: tuple[int, ...] = ()
     if batch_axis is not None:
-        if channel_axis is None and len(left.shape) == 4:
+        if channel_axis is None and len(one) == 4:
             channel_axis = -1
-        options["channel_axis"] = check_axes(left.shape, channel_axis, batch_axis)
-        return _match_stack(rt, left, right, options)
-    plan = plan_of(rt, tuple(left.shape), options)
-    shape = plan.images.shape
+        options["channel_axis"] = check_axes(one, channel_axis, batch_axis)
+        stack, one = one[:1], one[1:]
+    plan = plan_of(rt, one, options)
+    shape = (*stack, *plan.images.shape)
     result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
-    plan.match(
-        rt, left, right,
+    arrays = (
+        left, right,
         rt.adopt(result.disparity), rt.adopt(result.valid, bool), rt.adopt(result.confidence),
     )  # fmt: skip
-    return StereoResult(*(rt.release(a) for a in result))
-
-
-def _match_stack(rt: Runtime, left: Any, right: Any, options: dict[str, Any]) -> StereoResult:
-    """Match the pairs of two stacks, one after the other."""
-    images, *one = left.shape
-    plan = plan_of(rt, tuple(one), options)
-    shape = images, *plan.images.shape
-    result = StereoResult(rt.empty(shape), rt.empty(shape, bool), rt.empty(shape))
-    dtypes = np.float32, bool, np.float32
-    filled = [rt.adopt(a, dtype) for a, dtype in zip(result, dtypes, strict=True)]
-    for n in range(images):
-        plan.match(rt, left[n], right[n], *(a[n] for a in filled))
+    if batch_axis is None:
+        plan.match(rt, *arrays)
+    else:
+        for n in range(left.shape[0]):
+            plan.match(rt, *(a[n] for a in arrays))
     return StereoResult(*(rt.release(a) for a in result))

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[2]
 PLAIN = """
 import json, sys, warp
 warp.__version__ = sys.argv[1]
-from cvkern.kernels.warp import _internals, _scratch
+from cvkern.kernels.warp import _internals
 from tests.runtime.test_internals import checksums
 print(json.dumps([_internals.QUICK, checksums()]))
 """

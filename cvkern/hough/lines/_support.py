@@ -12,13 +12,14 @@ from cvkern._runtime import Runtime
 from cvkern.hough.lines._tables import (
     SUBPIXEL,
     direction_windows,
+    kernel_tables,
     line_tables,
     reach,
     subpixel_points,
 )
 from cvkern.hough.lines.peaks import peak_bins
 from cvkern.hough.lines.votes import suggest_line_bins
-from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS, LineTables, LineWindows
+from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS, LineWindows
 
 AIM = math.pi / 8  # radians: largest angle between a gradient and the normal of its line
 _AIM_OF_VOTES = math.radians(3)  # the same for votes, where more would cost time and add clutter
@@ -58,11 +59,9 @@ def vote_listed(
     check_accumulator(shape, "votes")
     votes = rt.scratch("detect.votes", shape, np.int32)
     angles = theta.tobytes()
-    given = line_tables(angles, step, size, parts=SUBPIXEL)
-    cosine, sine, offset = (rt.constant(table) for table in given[:3])
-    tables = LineTables(cosine, sine, offset, given.shift)
-    first, number = (rt.constant(w) for w in direction_windows(angles, _AIM_OF_VOTES))
-    allowed = LineWindows(directions, first, number)
+    tables = kernel_tables(rt, line_tables(angles, step, size, parts=SUBPIXEL))
+    windows = direction_windows(angles, _AIM_OF_VOTES)
+    allowed = LineWindows(directions, *map(rt.constant, windows))
     rt.hough.lines.votes.vote_directed(points, starts, allowed, tables, None, votes)
     row, column = peak_bins(rt, votes, math.ceil(least) - 1, _APART, _APART, True)
     return theta[column], step * (row - distances)

@@ -34,8 +34,7 @@ def cast_votes(
     `crossing` is the largest number of pixels of an image that fall into one bin.
     """
     fixed = None if weights is None else _fixed_weights(rt, found, weights, crossing)
-    cosine, sine, offset = (rt.constant(table) for table in tables[:3])
-    listed = LineTables(cosine, sine, offset, tables.shift)
+    listed = kernel_tables(rt, tables)
     if windows is None:
         rt.hough.lines.votes.vote(found.points, found.starts, listed, fixed, votes)
         return
@@ -43,6 +42,12 @@ def cast_votes(
     check_listed(rt, found, directions, "orientation", -math.inf)
     allowed = LineWindows(directions, *map(rt.constant, windows))
     rt.hough.lines.votes.vote_directed(found.points, found.starts, allowed, listed, fixed, votes)
+
+
+def kernel_tables(rt: Runtime, tables: LineTables) -> LineTables:
+    """Return the tables as kernel arrays."""
+    cosine, sine, offset = (rt.constant(table) for table in tables[:3])
+    return LineTables(cosine, sine, offset, tables.shift)
 
 
 def values_at(rt: Runtime, found: Points, values: Any, name: str) -> Any:

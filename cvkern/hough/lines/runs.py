@@ -106,6 +106,7 @@ def _supported(
     labels = rt.scratch("runs.labels", (number,), np.int32)
     total = rt.scratch("runs.total", (1,), np.int32)
     after = rt.send("runs.after", np.full(number, -1, np.int32))
+    limits = rule.max_gap, rule.min_length
     module = rt.hough.lines.runs
     for change in range(changes + 1):
         if change:
@@ -114,7 +115,6 @@ def _supported(
             edges.points, edges.codes, after, lines, normals,
             float(np.float32(rule.distance)), tolerance, labels,
         )  # fmt: skip
-        limits = rule.max_gap, rule.min_length
         module.cut(
             edges.points, edges.codes, labels, exact, normals, limits, order, runs, chosen, total
         )

@@ -106,7 +106,7 @@ def hough_line(
     weights : array of the shape of `mask`, or (N,), optional
         Votes are sums of ``round(256 weight)`` over the points, instead of their number.
     batch_axis : {0}, optional
-        Axis of the masks in a stack, (N, H, W); all vote in one launch. Not for `points`.
+        Axis of the masks in a stack, (N, H, W); on a GPU all vote in one launch. Not for `points`.
 
     Returns
     -------
