@@ -78,6 +78,8 @@ class SampledField(Field):
     """A field that computes density and colour of a batch of samples; this class does the rest."""
 
     can_look_aside = True
+    d_lights: Any = None
+    """Gradients of the last :meth:`backward` by the light of each sample, (M, 16), if lit."""
 
     def __init__(self, rt: Runtime, frame: Frame, seed: int, settings: Any):
         """Allocate a batch of the `settings`, which :func:`check_batch` has checked."""
@@ -124,10 +126,6 @@ class SampledField(Field):
     @abc.abstractmethod
     def evaluate_backward(self) -> None:
         """Add to the parameters' gradients, from `d_sigma` and `d_rgb` of the field's samples."""
-
-    @abc.abstractmethod
-    def d_lights(self) -> Any:
-        """Return gradients of the last :meth:`backward` by the light of each sample, (M, 16)."""
 
     def light(self, lights: Lights) -> None:
         """See :meth:`Field.light`."""

@@ -89,10 +89,10 @@ def point_cloud(
     given = as_items(views, "views", "a sequence of integers")
     chosen = [check_integer(v, "views", 0, len(cameras) - 1) for v in given]
     model.frame.inside(cameras.poses[chosen])  # refuses distant cameras before the work
-    draw = Renderer(model.field, model.rt)
+    draw, light = Renderer(model.field, model.rt), light_of(model, None)
     points, colors = [np.empty((0, 3), np.float32)], [np.empty((0, 3), np.uint8)]
     for view in chosen:
-        seen = draw(cameras, view, model.behind, light_of(model, None))
+        seen = draw(cameras, view, model.behind, light)
         solid = np.isfinite(seen.depth)
         origins, directions = pixel_rays(cameras, view, np.argwhere(solid))
         places = origins + seen.depth[solid][:, None] * directions
@@ -203,9 +203,9 @@ def _seen(model: Model, points: np.ndarray, close: float) -> np.ndarray:
         max(1, min(max(views.height, views.width) // PIXELS, views.height, views.width))
     )
     seen = np.zeros(len(points), bool)
-    draw = Renderer(model.field, model.rt)
+    draw, light = Renderer(model.field, model.rt), light_of(model, None)
     for view in range(0, len(views), -(-len(views) // VIEWS)):
-        depth = np.asarray(draw(views, view, model.behind, light_of(model, None)).depth)
+        depth = np.asarray(draw(views, view, model.behind, light).depth)
         at = project(views, view, points)
         within = ((at > -0.5) & (at < np.array(depth.shape) - 0.5)).all(axis=1)  # NaN is not
         row, column = np.round(at[within]).astype(int).T
@@ -240,13 +240,14 @@ def _chosen(
 def _looked_at(model: Model, rt: Any, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return the colours that rays of the frame see at a short distance, (N, 3) uint8."""
     colors = np.empty((len(origins), 3), np.uint8)
+    draw, light = Renderer(model.field, rt), light_of(model, None)
     for begin in range(0, len(origins), RAYS):
         part = slice(begin, begin + RAYS)
         rays = rt.send("mesh.origins", origins[part]), rt.send("mesh.directions", directions[part])
         count = len(origins[part])
         shapes = {"color": (count, 3), "opacity": (count,), "depth": (count,)}
         seen = View(*(rt.scratch(f"mesh.{name}", shape) for name, shape in shapes.items()))
-        Renderer(model.field, rt).look(*rays, seen, light_of(model, None))
+        draw.look(*rays, seen, light)
         opacity = np.maximum(rt.to_numpy(seen.opacity)[:, None], 1e-3)
         colors[part] = np.round(255 * (rt.to_numpy(seen.color) / opacity).clip(0, 1))
     return colors

@@ -164,7 +164,7 @@ class Trainer:
         if isinstance(light, Appearance):
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
         field.backward(self.gradients)
-        if isinstance(light, Embedding):
+        if isinstance(light, Embedding) and not self.settled:
             light.backward(field, self.places[0], self.active)
         if self.background == Background.LEARNT:
             rt.radiance.training.background.gather(
@@ -173,7 +173,7 @@ class Trainer:
 
     def collected(self) -> list[Any]:
         """Return the arrays of gradients that :meth:`compare` fills for :meth:`learn`."""
-        beside = self.appearance, self.passing
+        beside = None if self.settled else self.appearance, self.passing
         arrays = [one.table.gradients for one in beside if one is not None]
         return [*self.field.collected(), *arrays, self.behind.gradients]
 

@@ -137,7 +137,8 @@ class HashNetwork(SampledField):
         self.d_features = rt.zeros((settings.samples, 2 * levels), self.half)
         room = network_room(2 * levels, settings.samples, self.half == np.float16, lit)
         self.memory = rt.zeros(room)
-        self._d_lights: Any = rt.zeros((settings.samples, LIGHT)) if lit else None
+        if lit:
+            self.d_lights = rt.zeros((settings.samples, LIGHT))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def view_room(self, rays: int) -> int:
@@ -174,16 +175,12 @@ class HashNetwork(SampledField):
         s = self.samples
         self.rt.radiance.fields.perceptron.network.backward(
             self.d_sigma, self.d_rgb, self._inputs, s.sigma, s.rgb, self.memory,
-            self.d_features, self._d_lights, self.layers.gradients,
+            self.d_features, self.d_lights, self.layers.gradients,
         )  # fmt: skip
         self.rt.radiance.fields.hash.backward(
             s.positions, s.total, *self.grids, self.d_features, self.table.sums
         )
         self.table.collect(self.rt)
-
-    def d_lights(self) -> Any:
-        """See :meth:`SampledField.d_lights`."""
-        return self._d_lights
 
     def _encode(self, samples: Samples, total: Any) -> Any:
         """Look up the features of the first `total` (1,) samples, and return them."""

@@ -191,7 +191,8 @@ class MLPNetwork(SampledField):
         places = {name: (n % 2, width) for n, (name, width) in enumerate(self.widths.items())}
         pool = {p: rt.zeros((settings.samples, p[1]), self.half) for p in set(places.values())}
         self.gradients = {name: pool[place] for name, place in places.items()}
-        self._d_lights: Any = rt.zeros((settings.samples, LIGHT)) if lit else None
+        if lit:
+            self.d_lights = rt.zeros((settings.samples, LIGHT))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
 
     def inner(self, room: int) -> dict[str, Any]:
@@ -262,7 +263,7 @@ class MLPNetwork(SampledField):
                 )
             if a.source == "view" and self.lit:
                 rt.radiance.wild.embeddings.copy(
-                    g["view"], total, light_column(self.settings), self._d_lights
+                    g["view"], total, light_column(self.settings), self.d_lights
                 )
             if a.source == "view":
                 rt.radiance.fields.perceptron.heads.density_backward(
@@ -272,10 +273,6 @@ class MLPNetwork(SampledField):
     def collected(self) -> list[Any]:
         """See :meth:`Field.collected`."""
         return [self.parameters.gradients]
-
-    def d_lights(self) -> Any:
-        """See :meth:`SampledField.d_lights`."""
-        return self._d_lights
 
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""

@@ -244,22 +244,21 @@ class PlaneStack(Field):
     def learn(self, learning: Learning) -> None:
         """See :meth:`Field.learn`."""
         s, p = self.settings, self._learnt()
-        self.rt.radiance.training.adam.learning_rate(
+        adam, rule = self.rt.radiance.training.adam, AdamRule(*BETAS, EPSILON, sparse=True)
+        adam.learning_rate(
             learning.step, learning.progress, s.learning_rate, WARMUP, s.final_rate, *BETAS,
             self._rate,
         )  # fmt: skip
         self._clip.update(learning.scale / self.gradient_scale)
         self.rt.radiance.fields.planes.texels.learn(
-            self._rate, self._clip.factor, AdamRule(*BETAS, EPSILON, sparse=True),
+            self._rate, self._clip.factor, rule,
             Learnt(p.gradients, p.mean, p.square, p.values), self.texels,
         )  # fmt: skip
         if self.coefficients is not None:
-            adam = self.rt.radiance.training.adam
             adam.learning_rate(
                 learning.step, learning.progress, SHINE * s.learning_rate, WARMUP, s.final_rate,
                 *BETAS, self._shine_rate,
             )  # fmt: skip
-            rule = AdamRule(*BETAS, EPSILON, sparse=True)
             adam.adam(self._shine_rate, self._clip.factor, rule, *self.coefficients.flat())
 
     def _learnt(self) -> Parameters:

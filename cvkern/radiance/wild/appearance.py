@@ -9,13 +9,13 @@ import numpy as np
 from cvkern._checks import as_array, check_instance
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT_PARTS, AdamRule
-from cvkern.radiance.fields.field import Learning, View
+from cvkern.radiance.fields.field import View
 from cvkern.radiance.fields.hash import BETAS, EPSILON
-from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import APPEARANCE, Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.rendering import Renderer, owned, render
 from cvkern.radiance.wild.embeddings import search
+from cvkern.radiance.wild.tables import Table
 
 __all__ = ["fit_appearance"]
 
@@ -25,15 +25,16 @@ DECAY = 3e-5  # weight decay towards the identity
 PIXELS = 4096  # most pixels of the search for the light of a new photograph
 
 
-class Appearance:
+class Appearance(Table):
     """The maps of the training photographs, being learnt."""
 
+    prefix, rates = APPEARANCE, (RATE, WARMUP, FINAL)
+    rule = AdamRule(*BETAS, EPSILON, DECAY)
+
     def __init__(self, rt: Runtime, images: int, rays: int):
-        self.rt = rt
-        self.table = Parameters(rt, np.zeros((images, 12)), np.dtype(np.float32))
+        super().__init__(rt, np.zeros((images, 12)))
         self.shown = rt.zeros((rays, 3))
         self._parts = rt.zeros((LIGHT_PARTS, images, 12))
-        self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
 
     def forward(self, color: Any, opacity: Any, views: Any) -> Any:
         """Return composited colours in the light of their photographs, `views` (R,)."""
@@ -47,24 +48,6 @@ class Appearance:
             *self._seen, self.table.values, active, d_color, d_opacity, self._parts,
             self.table.gradients,
         )  # fmt: skip
-
-    def learn(self, learning: Learning, scale: float) -> None:
-        """Update the maps; `scale` is that of the gradients."""
-        adam = self.rt.radiance.training.adam
-        adam.learning_rate(
-            learning.step, learning.progress, RATE, WARMUP, FINAL, *BETAS, self._rate
-        )
-        self._clip.update(scale)
-        rule = AdamRule(*BETAS, EPSILON, DECAY)
-        adam.adam(self._rate, self._clip.factor, rule, *self.table.flat())
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the arrays to save."""
-        return self.table.state(APPEARANCE, self.rt)
-
-    def restore(self, extra: dict[str, np.ndarray]) -> None:
-        """Restore the saved arrays."""
-        self.table.restore(APPEARANCE, extra, self.rt)
 
 
 def fit_appearance(

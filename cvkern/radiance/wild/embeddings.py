@@ -10,10 +10,9 @@ import numpy as np
 from cvkern._checks import FLOAT32_MAX, as_numbers, check_integer
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT, LIGHT_PARTS, AdamRule, Lights
-from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
-from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import APPEARANCE, Model
+from cvkern.radiance.wild.tables import Table
 
 RATE, WARMUP, FINAL = 0.02, 100, 0.1  # learning rate, steps until it is full, share at the end
 DECAY = 1e-7  # weight decay towards no light at all
@@ -23,15 +22,16 @@ STEPS, APART, LEAST, PRIOR = 12, 0.1, 0.02, 1e-4
 ENOUGH = 1e-3  # share of the error by which a step must lower it, or the search ends
 
 
-class Embedding:
+class Embedding(Table):
     """The lights of the training photographs, being learnt."""
 
+    prefix, rates = APPEARANCE, (RATE, WARMUP, FINAL)
+    rule = AdamRule(*BETAS, EPSILON, DECAY)
+
     def __init__(self, rt: Runtime, images: int, rays: int):
-        self.rt = rt
-        self.table = Parameters(rt, np.zeros((images, LIGHT)), np.dtype(np.float32))
+        super().__init__(rt, np.zeros((images, LIGHT)))
         self._d_rays = rt.zeros((rays, LIGHT))
         self._parts = rt.zeros((LIGHT_PARTS, images, LIGHT))
-        self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
 
     def lights(self, views: Any) -> Lights:
         """Return the lights of rays whose photographs are `views` (R,)."""
@@ -40,26 +40,8 @@ class Embedding:
     def backward(self, field: Any, views: Any, active: Any) -> None:
         """Sum the gradients of the last backward pass of a `SampledField` by photographs."""
         kernels = self.rt.radiance.wild.embeddings
-        kernels.sum_rays(field.d_lights(), field.spans, active, self._d_rays)
+        kernels.sum_rays(field.d_lights, field.spans, active, self._d_rays)
         kernels.sum_views(self._d_rays, views, active, self._parts, self.table.gradients)
-
-    def learn(self, learning: Learning, scale: float) -> None:
-        """Update the lights; `scale` is that of the gradients."""
-        adam = self.rt.radiance.training.adam
-        adam.learning_rate(
-            learning.step, learning.progress, RATE, WARMUP, FINAL, *BETAS, self._rate
-        )
-        self._clip.update(scale)
-        rule = AdamRule(*BETAS, EPSILON, DECAY)
-        adam.adam(self._rate, self._clip.factor, rule, *self.table.flat())
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the arrays to save."""
-        return self.table.state(APPEARANCE, self.rt)
-
-    def restore(self, extra: dict[str, np.ndarray]) -> None:
-        """Restore the saved arrays."""
-        self.table.restore(APPEARANCE, extra, self.rt)
 
 
 def search(known: np.ndarray, errors: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:

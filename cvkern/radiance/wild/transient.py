@@ -9,10 +9,9 @@ import numpy as np
 from cvkern._checks import check_instance, check_integer
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule, Comparison, Head, WildGradients
-from cvkern.radiance.fields.field import Learning
 from cvkern.radiance.fields.hash import BETAS, EPSILON
-from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.models import TRANSIENT, Model, nodes_of
+from cvkern.radiance.wild.tables import Table
 
 __all__ = ["Transient", "render_transient"]
 
@@ -34,21 +33,21 @@ class Transient(NamedTuple):
     """Standard deviation of its colours, in addition to that of the scene's, (H, W) float32."""
 
 
-class Passing:
+class Passing(Table):
     """The heads of the training photographs, being learnt."""
+
+    prefix, rates = TRANSIENT, (RATE, WARMUP, FINAL)
+    rule = AdamRule(*BETAS, EPSILON, sparse=True)
 
     def __init__(self, rt: Runtime, shape: tuple[int, ...], rays: int, exact: bool):
         """Begin for photographs of the shape (N, H, W); gradients are integers if `exact`."""
-        self.rt = rt
         images, height, width = shape
         side, rows, columns = nodes_of(height, width)
-        nodes = np.broadcast_to(START, (images, rows, columns, 5))
-        self.table = Parameters(rt, nodes, np.dtype(np.float32))
+        super().__init__(rt, np.broadcast_to(START, (images, rows, columns, 5)))
         if exact:
             self.table.make_deterministic(rt)
         self.head = Head(self.table.values, width, side, LEAST, PENALTY, DELAY)
         self._d_head = rt.zeros((rays, 5))
-        self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
 
     def loss(
         self,
@@ -68,24 +67,6 @@ class Passing:
         )  # fmt: skip
         kernels.backward(self._d_head, *places, active, self.head, self.table.sums)
         self.table.collect(self.rt)
-
-    def learn(self, learning: Learning, scale: float) -> None:
-        """Update the heads; `scale` is that of the gradients."""
-        adam = self.rt.radiance.training.adam
-        adam.learning_rate(
-            learning.step, learning.progress, RATE, WARMUP, FINAL, *BETAS, self._rate
-        )
-        self._clip.update(scale)
-        rule = AdamRule(*BETAS, EPSILON, sparse=True)
-        adam.adam(self._rate, self._clip.factor, rule, *self.table.flat())
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return the arrays to save."""
-        return self.table.state(TRANSIENT, self.rt)
-
-    def restore(self, extra: dict[str, np.ndarray]) -> None:
-        """Restore the saved arrays."""
-        self.table.restore(TRANSIENT, extra, self.rt)
 
 
 def render_transient(model: Model, view: int) -> Transient:

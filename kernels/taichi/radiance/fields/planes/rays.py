@@ -326,14 +326,12 @@ def render_backward(
     """
     count, number = rays.origins.shape[0], texels.shape[0]
     records = scratch((number, count, 5), np.float32)
-    totals = scratch((count,), np.float32)
+    totals, given = scratch((count,), np.float32), _given(shine, stop)
     _total(*d_seen, rays.active, *seen, totals)
-    _trace(*d_seen, *rays, planes, texels, *_given(shine, stop), totals, records)
+    _trace(*d_seen, *rays, planes, texels, *given, totals, records)
     threads = 1 if on_cpu() else count
     exact = d_texels.dtype == np.int64
     _scatter(*rays, planes, records, threads, exact, d_texels)
     if shine is not None and d_maps is not None:
         height, width = texels.shape[1:3]
-        _scatter_shine(
-            *rays, planes, height, width, records, *_given(shine, stop), threads, exact, d_maps
-        )
+        _scatter_shine(*rays, planes, height, width, records, *given, threads, exact, d_maps)
