@@ -23,6 +23,8 @@ _MOST = 3  # sequences that a thread keeps; each keeps the memory alive that it 
 class _Thread(threading.local):
     """The graphs of a thread, None before the second time, and the age of their memory."""
 
+    known: bool = False  # whether the thread has announced itself
+
     def __init__(self) -> None:
         self.kept: dict[Hashable, Callable[[], None] | None] = {}
         self.age = -1
@@ -66,21 +68,16 @@ def release() -> None:
     _thread.age = _scratch.age()
 
 
-class _Known(threading.local):
-    known: bool = False
-
-
-_known = _Known()
 _threads: weakref.WeakSet[threading.Thread] = weakref.WeakSet()
 _lock = threading.RLock()
 
 
 def announce() -> None:
     """Note that this thread uses CUDA."""
-    if not _known.known:
+    if not _thread.known:
         with _lock:
             _threads.add(threading.current_thread())
-        _known.known = True
+        _thread.known = True
 
 
 @contextmanager
