@@ -84,7 +84,7 @@ class Stored(Mapping[str, np.ndarray]):
 
     def part(self, group: str) -> Stored:
         """Return the arrays of one group, without its name."""
-        return Stored(self._file, self._headers, f"{group}.")
+        return Stored(self._file, self._headers, f"{self._group}{group}.")
 
 
 def shape_of(arrays: Mapping[str, np.ndarray], name: str) -> tuple[int, ...]:

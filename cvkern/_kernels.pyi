@@ -69,8 +69,15 @@ class Folder:
                 from cvkern.kernels.warp.radiance.fields.perceptron import layers as layers
                 from cvkern.kernels.warp.radiance.fields.perceptron import network as network
             class planes:
+                from cvkern.kernels.warp.radiance.fields.planes import blending as blending
                 from cvkern.kernels.warp.radiance.fields.planes import rays as rays
                 from cvkern.kernels.warp.radiance.fields.planes import texels as texels
+            class splats:
+                from cvkern.kernels.warp.radiance.fields.splats import batches as batches
+                from cvkern.kernels.warp.radiance.fields.splats import learning as learning
+                from cvkern.kernels.warp.radiance.fields.splats import lists as lists
+                from cvkern.kernels.warp.radiance.fields.splats import projection as projection
+                from cvkern.kernels.warp.radiance.fields.splats import tiles as tiles
             class voxel:
                 from cvkern.kernels.warp.radiance.fields.voxel import nodes as nodes
                 from cvkern.kernels.warp.radiance.fields.voxel import rays as rays
@@ -119,6 +126,7 @@ class Folder:
             from cvkern.kernels.warp.shading.integration import cosines as cosines
             from cvkern.kernels.warp.shading.integration import equations as equations
             from cvkern.kernels.warp.shading.integration import multigrid as multigrid
+            from cvkern.kernels.warp.shading.integration import rows as rows
     class stereo:
         from cvkern.kernels.warp.stereo import depth as depth
         from cvkern.kernels.warp.stereo import windows as windows

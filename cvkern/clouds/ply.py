@@ -106,6 +106,17 @@ def read_ply(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | Non
     ...     read_ply(f"{folder}/one.ply")
     (array([[0., 0., 1.]], dtype=float32), None)
     """
+    table = read_vertices(path)
+    row: Any = table.dtype
+    points = np.stack([table[name] for name in ("x", "y", "z")], axis=1)
+    names = [name for name, _, _ in TINT]
+    tinted = all(name in row.fields and row[name].kind == "u" for name in names)
+    colors = np.stack([table[name] for name in names], axis=1) if tinted else None
+    return points.astype(np.float32), colors
+
+
+def read_vertices(path: str | os.PathLike[str]) -> np.ndarray:
+    """Return the vertices of a PLY file with all their properties; see :func:`read_ply`."""
     file = as_path(path)
     if not file.is_file():
         raise FileNotFoundError(f"path must be a file that exists, got {os.fspath(path)!r}")
@@ -117,17 +128,24 @@ def read_ply(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | Non
                 table: Any = np.array([tuple(line[: len(row)]) for line in lines], row)
             else:
                 table = np.fromfile(stream, row, min(count, file.stat().st_size))
-            points = np.stack([table[name] for name in ("x", "y", "z")], axis=1)
+            for name, _, _ in PLACE:
+                table[name]
         except (ValueError, TypeError, LookupError, OverflowError) as error:
             raise ValueError(
                 f"path must be a PLY file of points, got {file.name!r}: {error}"
             ) from None
     if len(table) != count:
         raise ValueError(f"path must have {count} points as it says, got {len(table)}")
-    names = [name for name, _, _ in TINT]
-    tinted = all(name in row.fields and row[name].kind == "u" for name in names)
-    colors = np.stack([table[name] for name in names], axis=1) if tinted else None
-    return points.astype(np.float32), colors
+    return table
+
+
+def properties(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Return the names of the properties of the vertices of a PLY file, without reading them."""
+    with as_path(path).open("rb") as stream:
+        try:
+            return _head(stream)[2].names or ()
+        except (ValueError, TypeError, LookupError, OverflowError):
+            return ()  # reading it says why
 
 
 def _head(stream: Any) -> tuple[str, int, Any]:

@@ -10,6 +10,7 @@ from cvkern.radiance.encodings import positional_encoding, spherical_harmonics
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
+from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.metrics import psnr, ssim
 from cvkern.radiance.models import Mark, Model, load_model
@@ -20,6 +21,7 @@ from cvkern.radiance.rendering import Picture, Scores, evaluate, orbit_cameras, 
 from cvkern.radiance.scenes.paths import CameraPath, load_camera_path
 from cvkern.radiance.scenes.photographs import Bounds, Scene, load_scene
 from cvkern.radiance.scenes.solids import make_scene
+from cvkern.radiance.splats.files import load_splats, write_splats
 from cvkern.radiance.surfaces import Cloud, Mesh, mesh, point_cloud, write_mesh
 from cvkern.radiance.training import fit
 from cvkern.radiance.wild.appearance import fit_appearance
@@ -41,6 +43,7 @@ __all__ = [
     "PlanesField",
     "Scene",
     "Scores",
+    "SplatField",
     "Transient",
     "VoxelField",
     "cameras",
@@ -52,6 +55,7 @@ __all__ = [
     "load_camera_path",
     "load_model",
     "load_scene",
+    "load_splats",
     "look_at",
     "make_scene",
     "mesh",
@@ -70,4 +74,5 @@ __all__ = [
     "ssim",
     "write_mesh",
     "write_planes",
+    "write_splats",
 ]

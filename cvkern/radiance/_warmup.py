@@ -15,6 +15,7 @@ from cvkern.radiance import (
     MLPField,
     PlanesField,
     Scene,
+    SplatField,
     VoxelField,
     composite_rays,
     composite_rays_backward,
@@ -47,6 +48,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     small = HashField(table_bits=10, samples=2**12, rays=64, cells=32)
     yield "fit", partial(_train, small, "embedding")
     yield "fit", _train_planes
+    yield "fit", _train_splats
     yield "planes_from_depth", _show_planes
 
 
@@ -56,7 +58,14 @@ def _scene() -> Scene:
 
 def _train_planes() -> None:
     scene = make_scene(train=3, test=0, size=16, layout="forward")
-    fit(scene, PlanesField(planes=2, rays=64, basis=2), steps=1, progress=False)
+    blended = PlanesField(planes=2, rays=64, basis=2, references=2)
+    fit(scene, blended, steps=1, progress=False)
+
+
+def _train_splats() -> None:
+    """Train until splats have been relocated."""
+    scene, field = _scene(), SplatField(splats=64)
+    fit(scene, field, steps=501, appearance="affine", progress=False)
 
 
 def _show_planes() -> None:

@@ -16,6 +16,7 @@ from cvkern.radiance.fields.field import Field, Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
+from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.march import taken
 from cvkern.radiance.pinhole import Cameras, cameras
@@ -30,7 +31,9 @@ APPEARANCES = {"affine": 12, "embedding": LIGHT}
 APPEARANCE = "appearance."  # begins the names of the arrays of photographs' lights
 TRANSIENT = "transient."  # begins the names of the arrays of what passes
 NODES, MOST_NODES = 4, 64  # least distance between nodes, pixels; most along a photograph, about
-FIELDS = {kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField)}
+FIELDS = {
+    kind.__name__: kind for kind in (HashField, VoxelField, MLPField, PlanesField, SplatField)
+}
 
 
 class Mark(NamedTuple):

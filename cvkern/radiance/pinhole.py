@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import FLOAT32_MAX, as_numbers, check_instance, check_integer, check_positive
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry.cameras.lens import bent, straightened
 
 MOST_SIDE = 2**15  # pixels
@@ -136,8 +137,8 @@ def cameras(
     if off.max() > 1e-3:
         worst = int(off.argmax())
         raise ValueError(f"poses must have rotations, got in view {worst}: {turns[worst].tolist()}")
-    u, _, v = np.linalg.svd(turns)  # find the nearest rotation, because files round their numbers
-    poses = np.concatenate((u @ v, poses[:, :, 3:]), axis=2)
+    turns = nearest_rotations(turns)  # because files round their numbers
+    poses = np.concatenate((turns, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
 
 

@@ -123,6 +123,9 @@ class Renderer:
         pictures = [rt.empty((cameras.height, width, *tail)) for tail in ((3,), (), ())]
         flat = (count, 3), (count,), (count,)
         seen = View(*(rt.adopt(p, shape=s) for p, s in zip(pictures, flat, strict=True)))
+        if self.field.whole:
+            self._show(lambda: self.field.draw(lens, seen), seen, light)
+            count = 0  # no rays are left
         most = max(RAYS // width, 1) * width
         for begin in range(0, count, most):
             part = slice(begin, min(begin + most, count))
@@ -143,15 +146,19 @@ class Renderer:
         row: int = 0,
     ) -> None:
         """Fill `seen` for rays, as :meth:`Field.see` does, in a light of :func:`light_of`."""
-        rt, count = self.rt, origins.shape[0]
+        self._show(lambda: self.field.see(origins, directions, seen, row), seen, light)
+
+    def _show(self, show: Callable[[], None], seen: View, light: np.ndarray | None) -> None:
+        """Fill `seen` by `show`, in a light of :func:`light_of`."""
         if light is None:
-            self.field.see(origins, directions, seen, row)
+            show()
             return
+        rt, count = self.rt, seen.opacity.shape[0]
         views, table = rt.scratch("view.light", (count,), np.int32), rt.send("view.table", light)
         rt.clear(views)
         if light.shape[1] == LIGHT:
             self.field.light(Lights(table, views))
-        self.field.see(origins, directions, seen, row)
+        show()
         if light.shape[1] != LIGHT:
             rt.radiance.wild.appearance.apply(seen.color, seen.opacity, views, table, seen.color)
 

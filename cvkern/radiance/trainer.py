@@ -38,6 +38,10 @@ PARTS = 256  # partial sums of the background's gradient
 # field would take the light of each photograph for one more side of the scene. Then the lights stay
 # as they are: sides and lights could change together without any effect on the photographs.
 SAME = 0.5
+# Error of a channel above which the loss grows linearly during that share. Highlights move over
+# surfaces, so they are errors of colours that are the same from all sides, and must not count as a
+# photograph's light.
+GLOSS = 0.03
 FEW = 4  # held-out views of an evaluation during training
 
 Say = Callable[[float, str], None]  # the share that is done, and what it does
@@ -69,8 +73,17 @@ class Trainer:
         self.background = check_code(model.background, Background, "background")
         self.spread = spread
         self.huber = HUBER if loss == "huber" else 0.0
-        used, count, state = ~scene.test, self.field.rays, model.training
+        used, state = ~scene.test, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
+        if self.field.whole:
+            for name, given in (
+                ("masks", scene.masks is not None), ("a spread", spread > 0),
+                ("robust", model.robust), ("transient", model.transient),
+            ):  # fmt: skip
+                if given:
+                    raise ValueError(f"field must not be one of splats with {name}, got both")
+        self.field.begin(self.views)
+        count = self.field.rays
         images = scene.images[used]
         self.images = owned(rt, images.reshape(-1, images.shape[3]))
         chosen = np.array([-1], np.int32)  # all pixels
@@ -134,10 +147,13 @@ class Trainer:
     def compare(self) -> None:
         """Draw rays, render them, and propagate the errors back to gradients."""
         rt, field, at = self.rt, self.field, self.learning.step
-        rt.radiance.pinhole.random_rays(
-            self.views, self.images, self.spread, self.seed, at, self.chosen, *self.rays[:2],
-            self.targets, *self.places,
-        )  # fmt: skip
+        if field.whole:
+            field.photograph(self.images, self.seed, at, self.targets, self.places)
+        else:
+            rt.radiance.pinhole.random_rays(
+                self.views, self.images, self.spread, self.seed, at, self.chosen, *self.rays[:2],
+                self.targets, *self.places,
+            )  # fmt: skip
         light = self.appearance
         if isinstance(light, Embedding):
             field.light(light.lights(self.places[0]))
@@ -146,7 +162,7 @@ class Trainer:
         if isinstance(light, Appearance):
             color = light.forward(seen.color, seen.opacity, self.places[0])
         comparison = Comparison(
-            self.background, self.behind.values, self.huber, field.gradient_scale, self.seed,
+            self.background, self.behind.values, self._bend(), field.gradient_scale, self.seed,
             at, isinstance(light, Appearance),
         )  # fmt: skip
         gradients = self.gradients.color, self.gradients.opacity, self.d_behind
@@ -170,6 +186,11 @@ class Trainer:
             rt.radiance.training.background.gather(
                 self.d_behind, self.active, self.parts, self.behind.gradients
             )
+
+    def _bend(self) -> float:
+        """Return the error of a channel above which the loss grows linearly, or 0."""
+        learnt = isinstance(self.appearance, Appearance) and not self.settled
+        return GLOSS if learnt and self.field.can_look_aside else self.huber
 
     def collected(self) -> list[Any]:
         """Return the arrays of gradients that :meth:`compare` fills for :meth:`learn`."""

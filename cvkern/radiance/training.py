@@ -28,6 +28,7 @@ from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.hash import HashField
 from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
+from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import APPEARANCES, Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
@@ -37,9 +38,10 @@ from cvkern.radiance.trainer import Trainer
 
 __all__ = ["fit"]
 
-Settings = VoxelField | HashField | MLPField | PlanesField
+Settings = VoxelField | HashField | MLPField | PlanesField | SplatField
 KINDS: dict[str, type[Settings]] = {
     "voxel": VoxelField, "hash": HashField, "mlp": MLPField, "planes": PlanesField,
+    "splats": SplatField,
 }  # fmt: skip
 # With these settings, a step of 'hash' or 'mlp' takes about 30 ms on two cores. The default batches
 # are 16 and 4 times as large, and the default perceptron of MLPField() about 20 times.
@@ -49,6 +51,7 @@ ON_CPU: dict[str, dict[str, Any]] = {
         "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
         "steps": 128, "learning_rate": 5e-3,
     },
+    "splats": {"splats": 2**13, "fade": 0.03, "shrink": 0.03},
 }  # fmt: skip
 # The defaults of a grid are for the CPU. A GPU is fast enough for a finer one if the memory allows.
 ON_GPU: dict[str, dict[str, Any]] = {
@@ -100,7 +103,7 @@ def fit(
     ----------
     scene : Scene
         The scene; its views that are not held out for testing are used for training.
-    field : {'voxel', 'hash', 'mlp', 'planes'}, or their settings, optional
+    field : {'voxel', 'hash', 'mlp', 'planes', 'splats'}, or their settings, optional
         The field to train. A name means a field with settings that suit the device. On a GPU these
         are the field's defaults, except that 'voxel' continues to a grid of 256 cells if 11 GB are
         free. On the CPU they are smaller, because 'hash' and 'mlp' would otherwise take minutes to
@@ -204,7 +207,8 @@ def fit(
     Notes
     -----
     Each step draws rays through random pixels of all views, as many as fill the field's room for
-    samples. The launches of a step are recorded once, on CUDA as a graph.
+    samples, or, for splats, takes a photograph. The launches of a step are recorded once, on CUDA
+    as a graph.
 
     Deterministic training on a GPU adds gradients in units of 2^-28, after the loss has been
     multiplied by 128 (4096 for a voxel field). Each summand is clipped to 2^16, the limit of half

@@ -351,6 +351,25 @@ def test_planes_of_a_pair_and_of_a_model(command, tmp_path):
     assert "output must end in .html, .png or .npz" in error
 
 
+def test_splats_are_trained_by_name(command, tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "cvkern.radiance.make_scene",
+        lambda layout: make_scene(train=4, test=1, size=24, layout=layout),
+    )
+    model, file = tmp_path / "model.npz", tmp_path / "splats.ply"
+    words = "train", "shapes", "-o", model, "--field", "splats", "--steps", 2
+    code, said, _ = command(*words, "--set", "splats=50", "--set", "degree=1")
+    assert code == 0
+    assert "held-out views" in said
+    code, said, _ = command("export", model, "-o", file)
+    assert (code, said) == (0, f"{file}: 50 splats\n")
+    code, said, _ = command("export", model, "-o", tmp_path / "points.ply", "--points")
+    assert (code, said.split()[-1]) == (0, "points")
+    code, _, error = command("export", model, "-o", tmp_path / "mesh.glb")
+    assert code != 0
+    assert "model must have densities" in error
+
+
 def test_planes_are_trained_by_name(command, tmp_path, monkeypatch):
     monkeypatch.setattr(
         "cvkern.radiance.make_scene",
@@ -358,7 +377,11 @@ def test_planes_are_trained_by_name(command, tmp_path, monkeypatch):
     )
     model = tmp_path / "model.npz"
     words = "train", "shapes-forward", "-o", model, "--field", "planes", "--steps", 2
-    code, said, _ = command(*words, "--set", "planes=3")
+    code, said, _ = command(*words, "--set", "planes=3", "--set", "references=2")
     assert code == 0
     assert "held-out views" in said
-    assert command("export", model, "-o", tmp_path / "page.html")[0] == 0
+    page = tmp_path / "page.html"
+    assert command("export", model, "-o", page, "--reference", 1)[0] == 0
+    code, _, error = command("export", model, "-o", page, "--reference", 2, "--overwrite")
+    assert code == 2
+    assert "reference must be in [0, 1], got 2" in error

@@ -10,7 +10,7 @@ import skimage.data
 
 import cvkern
 from cvkern.clouds import write_ply
-from cvkern.radiance import VoxelField, fit, make_scene
+from cvkern.radiance import SplatField, VoxelField, fit, make_scene, write_splats
 from tests.app.browser import opened
 
 pytest.importorskip("viser")
@@ -101,12 +101,17 @@ def test_bars_keep_the_aspect():
     assert fitted(image, 3.0).sum() == image.sum()
 
 
-@pytest.mark.parametrize("kind", ["photo", "cloud", "map"])
+@pytest.mark.parametrize("kind", ["photo", "cloud", "map", "splats"])
 def test_the_command(command, photo, tmp_path, monkeypatch, kind):
     """It listens on this machine only."""
+    if kind == "splats":
+        scene = make_scene(train=2, test=0, size=12)
+        made = fit(scene, SplatField(splats=9), steps=1, progress=False)
+        write_splats(tmp_path / "splats.ply", made)
     write_ply(tmp_path / "cloud.ply", np.eye(3))
     np.save(tmp_path / "map.npy", np.eye(5))
-    file = {"photo": photo, "cloud": tmp_path / "cloud.ply", "map": tmp_path / "map.npy"}[kind]
+    names = {"cloud": "cloud.ply", "map": "map.npy", "splats": "splats.ply"}
+    file = photo if kind == "photo" else tmp_path / names[kind]
     monkeypatch.setattr(Page, "wait", lambda page, serve: (serve(), page.close()))
     code, said, _ = command("view", file, "--port", 8650)
     assert code == 0

@@ -101,6 +101,40 @@ def test_planes_of_8_bits_are_those_of_the_cpu(backend):
             assert np.abs(two - one).mean() < 1e-5
 
 
+def test_large_planes_of_8_bits_are_those_of_the_cpu(backend):
+    """Blocks of rays see parts that are away from the borders, at them, and empty."""
+    rng, shape, answers = np.random.default_rng(0), (11, 90, 120), []
+    opacity = rng.integers(0, 100, (*shape, 1))
+    texels = np.concatenate((rng.integers(0, 256, (*shape, 3)) * opacity // 255, opacity), axis=3)
+    texels[3:7, 30:60, 40:] = 0
+    words = texels.astype(np.uint8).view("<u4")[..., 0].astype(np.uint32)
+    at = np.stack(np.meshgrid(np.arange(128), np.arange(96), (1,)), axis=-1).reshape(-1, 3)
+    ahead = (at - (60, 45, 0)) / (100, 100, 1)
+    ahead[:, :2] += 0.02 * ahead[:, 1::-1]  # turned a little
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    eyes = np.broadcast_to(np.array([0.03, -0.02, 0.1], np.float32), ahead.shape)
+    place = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 100, 100, 59.5, 44.5]
+    place = np.concatenate((place, np.linspace(1, 0.2, shape[0]))).astype(np.float32)
+    for device in ("cpu", "cuda"):
+        with cvkern.use(backend=backend, device=device):
+            rt = runtime()
+            from_, to = (owned(rt, a.astype(np.float32)) for a in (eyes, ahead))
+            rays = Rays(from_, to, owned(rt, np.array([len(at)], np.int32)))
+            for row in (0, 128):
+                seen = Seen(*(rt.zeros((len(at), *tail)) for tail in ((3,), (), ())))
+                rt.radiance.fields.planes.rays.render(
+                    rays, owned(rt, place), owned(rt, words), None, 1 / 255, row, seen
+                )
+                answers.append([rt.to_numpy(a).copy() for a in seen])
+    for here, there in zip(answers[:2], answers[2:], strict=True):
+        assert here[1].min() == 0 < 0.9 < here[1].max()
+        for one, two in zip(here[:2], there[:2], strict=True):
+            # Units for textures round places to 1 / 256 of a texel along both axes, and others at
+            # other places; neighbouring texels differ by up to 0.4, and 11 samples add up.
+            np.testing.assert_allclose(two, one, atol=0.015)
+            assert np.abs(two - one).mean() < 1e-3
+
+
 def test_fixed_point_sums_of_planes_are_equal_in_every_run(backend):
     """40 rays are repeated 100 times, so that many threads add to a texel."""
     found = []

@@ -152,6 +152,14 @@ def test_planes_backward_compiles_for_hopper(sums, add, tmp_path):
         compile_for_hopper(load(f"radiance.fields.planes.{name}"), tmp_path / name)
 
 
+def test_splats_compile_for_hopper(tmp_path):
+    for name in ("projection", "lists", "learning", "batches", "_tiles_cuda"):
+        code = compile_for_hopper(load(f"radiance.fields.splats.{name}"), tmp_path / name)
+        if name == "_tiles_cuda":
+            assert code.count("shfl.sync.bfly") == 12  # nine sums over the lanes of a warp
+            assert ".global.add" not in code  # no sum depends on an order
+
+
 def test_heads_and_weights_of_photographs_compile_for_hopper(tmp_path):
     for name in ("transient", "distractors", "embeddings", "appearance"):
         compile_for_hopper(load(f"radiance.wild.{name}"), tmp_path / name)

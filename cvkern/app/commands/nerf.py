@@ -37,8 +37,8 @@ def train(
     field: Annotated[
         str | None,
         typer.Option(
-            help="Kind: voxel, hash or mlp, in a size that suits the device, or planes, for "
-            "photographs from one side.",
+            help="Kind: voxel, hash, mlp or splats, in a size that suits the device, or planes, "
+            "for photographs from one side.",
             show_default="voxel on the CPU, hash on a GPU",
         ),
     ] = None,
@@ -294,7 +294,8 @@ def export(
             "--output",
             "-o",
             help="PLY or GLB to write (a mesh needs scikit-image), or a smaller model, .npz, for "
-            "rendering only. Of planes: a page for a browser, .html, or an atlas, .png.",
+            "rendering only. Of planes: a page for a browser, .html, or an atlas, .png. Of splats: "
+            "these, as viewers read them, .ply.",
         ),
     ],
     points: Annotated[
@@ -305,12 +306,15 @@ def export(
     pieces: Annotated[
         int, typer.Option(help="Pieces of the mesh to keep, the largest first; 0 for all.")
     ] = 1,
+    reference: Annotated[
+        int, typer.Option(help="Reference camera whose planes become a page or an atlas.")
+    ] = 0,
     overwrite: Overwrite = False,
     backend: Backend = None,
     device: Device = None,
 ) -> None:
     """Write a model as a coloured mesh, as a point cloud, as a page, or as a smaller model."""
-    from cvkern.radiance import load_model, mesh, point_cloud, write_mesh, write_planes
+    from cvkern import radiance
 
     if output.suffix.lower() not in (".ply", ".glb", ".npz", *PAGES):
         raise ValueError(f"output must end in .ply, .glb, .npz, .html or .png, got {str(output)!r}")
@@ -318,24 +322,28 @@ def export(
         raise ValueError(f"output must end in .ply for points, got {str(output)!r}")
     check_new(output, "output", overwrite)
     with cvkern.use(backend=backend, device=device):
-        made = load_model(model)
-        if output.suffix.lower() == ".npz":
-            made.save(output, resumable=False)
-            typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
-            return
-        if output.suffix.lower() in PAGES:
-            write_planes(made, output)
+        made = radiance.load_model(model)
+        if output.suffix.lower() in (".npz", *PAGES):
+            if output.suffix.lower() == ".npz":
+                made.save(output, resumable=False)
+            else:
+                radiance.write_planes(made, output, reference=reference)
             typer.echo(f"{output}: {output.stat().st_size / 2**20:.1f} MiB")
             return
         if points:
             from cvkern.clouds import write_ply
 
-            cloud = point_cloud(made)
+            cloud = radiance.point_cloud(made)
             write_ply(output, *cloud)
             typer.echo(f"{output}: {len(cloud.points)} points")
+        elif isinstance(made.settings, radiance.SplatField) and output.suffix.lower() == ".ply":
+            radiance.write_splats(output, made)
+            typer.echo(f"{output}: {made.settings.splats} splats")
         else:
-            surface = mesh(made, resolution=resolution, density=density, pieces=pieces or None)
-            write_mesh(output, surface)
+            surface = radiance.mesh(
+                made, resolution=resolution, density=density, pieces=pieces or None
+            )
+            radiance.write_mesh(output, surface)
             typer.echo(f"{output}: {len(surface.faces)} triangles")
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
@@ -12,6 +12,9 @@ import typer
 import cvkern
 from cvkern.app.commands import Backend, Device, Overwrite, check_new
 from cvkern.app.viewer.server import HOST, PORT, Page
+
+if TYPE_CHECKING:
+    from cvkern.radiance import Model
 
 Host = Annotated[
     str, typer.Option(help="Address to listen on; 0.0.0.0 for every machine that reaches this one.")
@@ -23,7 +26,8 @@ def view(
     file: Annotated[
         Path,
         typer.Argument(
-            metavar="FILE", help="Photograph, model (.npz), cloud (.ply), or map (.npy, .tif)."
+            metavar="FILE",
+            help="Photograph, model (.npz), cloud or splats (.ply), or map (.npy, .tif).",
         ),
     ],
     host: Host = HOST,
@@ -60,11 +64,10 @@ def view(
 
 def _page(file: Path, host: str, port: int) -> tuple[Page, Callable[[], bool]]:
     """Open the page of a file; return it, and what serves it."""
-    if file.suffix == ".npz":
+    model = _model(file)
+    if model is not None:
         from cvkern.app.viewer.fields import FieldPage
-        from cvkern.radiance import load_model
 
-        model = load_model(file)
         field = FieldPage(model.cameras, host, port)
         return field.page, lambda: field.serve(model)
     if file.suffix == ".ply":
@@ -81,15 +84,29 @@ def _page(file: Path, host: str, port: int) -> tuple[Page, Callable[[], bool]]:
     return photograph.page, photograph.serve
 
 
+def _model(file: Path) -> Model | None:
+    """Return the radiance field of a file, or None if there is none in it."""
+    if file.suffix == ".npz":
+        from cvkern.radiance import load_model
+
+        return load_model(file)
+    if file.suffix == ".ply":
+        from cvkern.clouds.ply import properties
+        from cvkern.radiance import load_splats
+        from cvkern.radiance.splats.starts import TINTS
+
+        return load_splats(file) if set(TINTS) <= set(properties(file)) else None
+    return None
+
+
 def _record(file: Path, target: Path) -> None:
     """Write a recording of a file."""
     from cvkern.app.viewer.recordings import Recording
 
     recording = Recording(target)
-    if file.suffix == ".npz":
-        from cvkern.radiance import load_model
-
-        recording.field(load_model(file))
+    model = _model(file)
+    if model is not None:
+        recording.field(model)
     elif file.suffix == ".ply":
         from cvkern.clouds.ply import read_ply
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.kernels.codes.radiance import Composited, Lights, Rays
+from cvkern.kernels.codes.radiance import CameraSet, Composited, Lights, Rays
 from cvkern.radiance.scenes.photographs import Bounds, Scene
 
 FARTHEST = 2**15  # distance from the middle up to which float32 resolves the steps along a ray
@@ -90,6 +90,9 @@ class Field(abc.ABC):
     """Largest number of rays of a training batch."""
     first_rays: int
     """Number of rays of the first batch, before samples have been counted."""
+    whole: bool = False
+    """Whether it renders whole views: batches are all pixels of a photograph, see
+    :meth:`photograph`, and pictures are made by :meth:`draw` and not by :meth:`see`."""
     can_look_aside: bool = False
     """Whether :meth:`look_aside` has an effect."""
     edition: int = 0
@@ -106,6 +109,20 @@ class Field(abc.ABC):
         ValueError
             If the field cannot show this scene.
         """
+
+    def begin(self, views: CameraSet) -> None:  # noqa: B027  (optional)
+        """Get ready to be trained on photographs of these cameras."""
+
+    def photograph(self, images: Any, seed: int, step: Any, targets: Any, places: Any) -> None:
+        """Choose the photograph of a step, and fill `targets` (R, 4) and `places` of its pixels.
+
+        Only fields that are `whole` do so.
+        """
+        raise NotImplementedError
+
+    def draw(self, cameras: CameraSet, seen: View) -> None:
+        """Fill `seen` for all pixels of the first of these cameras, if the field is `whole`."""
+        raise NotImplementedError
 
     @abc.abstractmethod
     def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:

@@ -22,7 +22,7 @@ WARMUP = 20  # steps until the learning rate reaches its full value
 SHINE = 0.05  # learning rate of coefficients of the side, as a share of that of colours
 LAST_BYTE = 1 / 255  # share of the light at which a ray through texels of 8 bits ends
 LEAST, MOST = 2, 2**13  # rows and columns of a plane
-MOST_PLANES = 512
+MOST_PLANES, MOST_REFERENCES = 512, 16
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,11 @@ class PlanesField:
     texel and the one that the reference camera would see in the same direction. To each colour a
     sum of functions of that offset is added, times coefficients that several planes share, as in
     NeX [2]_, with polynomials as the functions.
+
+    With several `references`, cameras are spread among the photographs, and each has planes in
+    front of it, for photographs that one camera does not see the whole of. Pictures of their planes
+    are blended ray by ray, with weights that fall with the distance from the camera and with what
+    its planes let through, as in local light field fusion [3]_. All of them are trained together.
 
     Raises
     ------
@@ -60,6 +65,8 @@ class PlanesField:
        view synthesis using multiplane images", ACM Transactions on Graphics 37(4), 2018.
     .. [2] S. Wizadwongsa, P. Phongthawee, J. Yenphraphai and S. Suwajanakorn, "NeX: real-time view
        synthesis with neural basis expansion", CVPR 2021.
+    .. [3] B. Mildenhall, P. P. Srinivasan, R. Ortiz-Cayon, N. K. Kalantari, R. Ramamoorthi, R. Ng
+       and A. Kar, "Local light field fusion", ACM Transactions on Graphics 38(4), 2019.
     """
 
     planes: int = 32
@@ -77,6 +84,8 @@ class PlanesField:
     none."""
     shared: int = 8
     """Planes, one behind the other, that share coefficients of these functions."""
+    references: int = 1
+    """Reference cameras, at most 16. Each has planes of its own, and their pictures are blended."""
     rays: int = 4096
     """Rays of a batch."""
     learning_rate: float = 0.1
@@ -86,7 +95,8 @@ class PlanesField:
 
     def __post_init__(self) -> None:
         check_integer(self.planes, "planes", 1, MOST_PLANES)
-        check_integer(self.texels, "texels", LEAST**2 * self.planes, 2**29)
+        check_integer(self.references, "references", 1, MOST_REFERENCES)
+        check_integer(self.texels, "texels", LEAST**2 * self.planes * self.references, 2**29)
         if check_integer(self.basis, "basis", 0, 5) not in (0, 2, 5):
             raise ValueError(f"basis must be 0, 2 or 5, got {self.basis}")
         check_integer(self.shared, "shared", 1, MOST_PLANES)
@@ -99,8 +109,12 @@ class PlanesField:
         if self.near is not None and self.far is not None and self.near >= self.far:
             raise ValueError(f"near must be below far, got {self.near:g} and {self.far:g}")
 
-    def build(self, rt: Runtime, frame: Frame, seed: int) -> PlaneStack:
+    def build(self, rt: Runtime, frame: Frame, seed: int) -> Field:
         """Return the field itself, without planes yet."""
+        if self.references > 1:
+            from cvkern.radiance.fields.blended import BlendedStacks
+
+            return BlendedStacks(rt, frame, self)
         return PlaneStack(rt, frame, self)
 
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_instance, check_number
+from cvkern._checks import check_instance, check_integer, check_number
 from cvkern._files import as_path, check_target, write_text
+from cvkern.radiance.fields.blended import BlendedStacks
 from cvkern.radiance.fields.planes import PlaneStack, Reference
 from cvkern.radiance.models import Model
 
@@ -21,7 +22,12 @@ MOST_SIDE = 2**14  # pixels of an atlas, which most GPUs draw
 
 
 def write_planes(
-    model: Model, path: str | os.PathLike[str], *, motion: float = 0.025, background: Any = None
+    model: Model,
+    path: str | os.PathLike[str],
+    *,
+    reference: int = 0,
+    motion: float = 0.025,
+    background: Any = None,
 ) -> None:
     """Write the planes of a model as a page for a browser, or as an atlas.
 
@@ -34,6 +40,8 @@ def write_planes(
         Ends in ``.html`` for one file that a browser opens without a server and without a
         network; the view follows the mouse, or a finger, and the wheel moves it forward. Or ends in
         ``.png`` for the atlas, beside which a ``.json`` of the same name says where the planes are.
+    reference : int, default 0
+        Which of several reference cameras has the planes to write. Pages and atlases do not blend.
     motion : float, default 0.025
         How far the nearest or the farthest plane of a page moves to each side, as a share of the
         picture's longer side, from 0 to 1.
@@ -77,6 +85,8 @@ def write_planes(
         raise ValueError(f"path must end in .html or .png, got {str(path)!r}")
     check_target(target)
     field = model.field
+    stacks = field.stacks if isinstance(field, BlendedStacks) else [field]
+    field = stacks[check_integer(reference, "reference", 0, len(stacks) - 1)]
     if not isinstance(field, PlaneStack):
         raise ValueError(f"model must be of a PlanesField, got {type(model.settings).__name__}")
     model.rt  # noqa: B018  (this thread may not have used the device yet)

@@ -9,7 +9,14 @@ import numpy as np
 from cvkern._checks import as_array, as_numbers, check_integer, check_number, check_positive
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.radiance.fields.field import FARTHEST, Frame
-from cvkern.radiance.fields.planes import LEAST, MOST, MOST_PLANES, PlanesField, Reference
+from cvkern.radiance.fields.planes import (
+    LEAST,
+    MOST,
+    MOST_PLANES,
+    PlanesField,
+    PlaneStack,
+    Reference,
+)
 from cvkern.radiance.models import Model, Training
 from cvkern.radiance.multiplane.layering import extend, opacities
 from cvkern.radiance.pinhole import cameras
@@ -209,7 +216,7 @@ def _layered(
     frame = Frame(Bounds((0.0, 0.0, float(middle)), float(middle), True), 0.0, 2.0 * FARTHEST,
                   1 / fx)  # fmt: skip
     views = cameras(np.eye(4)[None], [fx, fy, cx, cy], shape[1], shape[0])
-    field = settings.build(runtime(), frame, 0)
+    field = PlaneStack(runtime(), frame, settings)
     pose = frame.inside(views.poses)[0].astype(np.float64)
     lens = np.array([fx, fy, cx, cy])
     field.paint(Reference(pose, lens, disparities * middle), texels)

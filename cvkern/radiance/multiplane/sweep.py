@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry.cameras.lens import matrix_of
 from cvkern.radiance.fields.field import Frame
 from cvkern.radiance.fields.planes import LEAST, MOST, PlanesField, Reference
@@ -104,8 +105,7 @@ def middle_pose(poses: np.ndarray) -> np.ndarray:
     ValueError
         If a camera looks too far aside.
     """
-    u, _, v = np.linalg.svd(poses[:, :, :3].mean(axis=0))
-    turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+    turn = nearest_rotations(poses[:, :, :3].mean(axis=0))
     cosine = poses[:, :, 2] @ turn[:, 2]
     if cosine.min() < math.cos(math.radians(ASIDE)):
         aside = math.degrees(math.acos(max(-1.0, float(cosine.min()))))

@@ -10,6 +10,11 @@ from cvkern.radiance.training import Wild, _begin
 from tests.radiance.runs import FIELDS, TINY
 
 TAME = Wild(None, None, False, False)
+LATER = np.array([1000], np.int32)  # a step at which something may pass in front of photographs
+WILD = pytest.mark.parametrize("wild", [
+    Wild("affine", None, False, False), Wild("embedding", None, False, False),
+    Wild("affine", None, False, True),
+], ids=["affine", "embedding", "transient"])  # fmt: skip
 GPUS = pytest.param(("cuda:0", "cuda:1"), id="cuda", marks=pytest.mark.skipif(
     "cuda:1" not in cvkern.devices(), reason="needs two GPUs"))  # fmt: skip
 PLACES = pytest.mark.parametrize("places", [pytest.param(("cpu", "cpu"), id="cpu"), GPUS])
@@ -20,11 +25,11 @@ def scene():
     return make_scene(train=8, test=2, size=24)
 
 
-def trainers(scene, field, places):
+def trainers(scene, field, places, wild=TAME):
     made = []
     for place in places:
         with cvkern.use(device=place):
-            made.append(_begin(scene, field, None, 3, TAME, None))
+            made.append(_begin(scene, field, None, 3, wild, None))
     others = [Trainer(one, scene, "squared", 0.0) for one in made[1:]]
     return Trainer(made[0], scene, "squared", 0.0, others=others)
 
@@ -50,18 +55,61 @@ def test_gradients_are_the_sum_over_devices(field, places, scene):
 
 
 @PLACES
-@FIELDS
-def test_devices_keep_equal_parameters(field, places, scene):
-    first = trainers(scene, field, places)
-    for step in range(20):  # 'voxel' refines its grid on the way
+@WILD
+def test_gradients_of_photographs_are_the_sum_over_devices(wild, places, scene):
+    """Those of lights, and of what passes."""
+    first = trainers(scene, TINY, places, wild)
+    for one in first.team:
+        one.rt.write(one.learning.step, LATER)
+        one.compare()
+    beside = [[one.appearance, one.passing] for one in first.team]
+    tables = [[t.table for t in pair if t is not None] for pair in beside]
+    assert len(tables[0]) == 1 + wild.transient
+    alone = [[one.rt.to_numpy(t.gradients).copy() for t in own]
+             for one, own in zip(first.team, tables, strict=True)]  # fmt: skip
+    first.add([one.collected() for one in first.team])
+    for one, own in zip(first.team, tables, strict=True):
+        for table, here, there in zip(own, *alone, strict=True):
+            assert here.any()
+            assert (here != there).any()
+            np.testing.assert_array_equal(one.rt.to_numpy(table.gradients), here + there)
+
+
+def learn_together(first, steps=20):
+    """Take steps as a training does."""
+    for step in range(steps):
         for one in first.team:
-            one.rt.write(one.learning.progress, np.array([step / 20], np.float32))
-            one.tend(step, step == 0, step / 20)
+            one.rt.write(one.learning.progress, np.array([step / steps], np.float32))
+            one.tend(step, step == 0, step / steps)
         first.repeat()
         for one in first.team:
             one.fill()
+
+
+@PLACES
+@FIELDS
+def test_devices_keep_equal_parameters(field, places, scene):
+    first = trainers(scene, field, places)
+    learn_together(first)  # 'voxel' refines its grid on the way
     states = [one.field.state() for one in first.team]
     assert all(np.array_equal(states[0][name], states[1][name]) for name in states[0])
+
+
+@PLACES
+@WILD
+def test_devices_keep_equal_photographs(wild, places, scene):
+    first = trainers(scene, TINY, places, wild)
+    for one in first.team:
+        one.rt.write(one.learning.step, LATER)
+    learn_together(first)
+    for one in first.team:
+        one.keep()
+    extras = [one.model.extra for one in first.team]
+    learnt = [name for name in extras[0] if name.endswith("values")]
+    assert len(learnt) == 1 + wild.transient
+    for name in learnt:
+        assert np.abs(np.diff(extras[0][name], axis=0)).max() > 0  # a photograph of its own each
+        np.testing.assert_array_equal(extras[0][name], extras[1][name])
 
 
 @PLACES

@@ -5,7 +5,13 @@ import json
 import pytest
 
 from cvkern.radiance import VoxelField, make_scene
-from profiling.experiments import planes_quality, radiance_quality, radiance_steps, wild_quality
+from profiling.experiments import (
+    planes_quality,
+    radiance_quality,
+    radiance_steps,
+    splat_speed,
+    wild_quality,
+)
 
 SETTINGS = VoxelField(resolutions=(16,), shares=(), degree=1, rays=64)
 
@@ -74,3 +80,10 @@ def test_planes(tmp_path, monkeypatch, capsys):
     assert (planes["field"], other["field"]) == ("PlanesField", "VoxelField")
     assert planes["ssim"] > other["ssim"] + 0.1  # a sweep is a better start than fog
     assert "PlanesField" in capsys.readouterr().out
+
+
+def test_speed_of_splats(capsys):
+    assert splat_speed.main(["--splats", "300", "--size", "40", "30", "--times", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "300 splats" in said
+    assert all(f"{part} " in said for part in ("forward", "backward", "learning"))

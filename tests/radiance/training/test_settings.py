@@ -3,9 +3,11 @@
 import importlib
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cvkern.radiance import evaluate, fit, make_scene, trainer
+from cvkern.radiance.fields import hash as hash_field
 from cvkern.radiance.training import suited
 from tests.radiance.runs import GRID, TINY
 
@@ -75,12 +77,35 @@ def test_options_reach_the_rays_and_the_loss(scene, given):
     assert comparison.huber == 0
 
 
+@pytest.mark.parametrize(
+    ("field", "options", "bends"),
+    [
+        (FIELD, {"appearance": "affine"}, [trainer.GLOSS, 0.0]),
+        (FIELD, {"appearance": "affine", "loss": "huber"}, [trainer.GLOSS, trainer.HUBER]),
+        (FIELD, {"appearance": "embedding"}, [0.0]),
+        (GRID, {"appearance": "affine"}, [0.0]),  # its colours always depend on the side
+    ],
+)
+def test_highlights_count_little_while_lights_are_learnt(scene, given, field, options, bends):
+    fit(scene, field, steps=40, **options)
+    found = [a.huber for call in given["loss"] for a in call if hasattr(a, "_fields")]
+    assert list(dict.fromkeys(found)) == bends
+
+
 def test_rates_and_decays_of_a_table_reach_the_optimizer(scene, given):
     fit(scene, FIELD, steps=1, background="white")
     assert [a[2:5] for a in given["learning_rate"]] == [(0.007, 100, 0.2)]
     table, layers = (a[2] for a in given["adam"])
     assert (table.decay, table.sparse) == (5e-6, False)
     assert (layers.decay, layers.sparse) == (3e-5, False)
+
+
+@pytest.mark.parametrize("share", [2.0, 1.0, 0.25])
+def test_tables_decay_less_for_many_pixels(scene, given, monkeypatch, share):
+    pixels = np.prod(scene.images[~scene.test].shape[:3])
+    monkeypatch.setattr(hash_field, "DECAY_PIXELS", share * pixels)
+    fit(scene, replace(FIELD, table_decay=None), steps=1)
+    assert given["adam"][0][2].decay == pytest.approx(1e-7 * min(share, 1.0))
 
 
 def test_rates_of_a_grid_reach_the_optimizer(scene, given):

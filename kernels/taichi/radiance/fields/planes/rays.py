@@ -33,6 +33,7 @@ from cvkern.kernels.taichi.radiance._fixed_point import add
 
 from ._path import Corner, Path, corner_of, distance_of, path_of, share_of
 from ._shine import Rule, place_of, shift_of, side_of
+from ._totals import total
 
 f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -153,25 +154,6 @@ def _given(shine: codes.Shine | None, stop: float) -> tuple[np.ndarray, Any]:
     if shine is None:
         return scratch((1, 1, 1, 1), np.float32), Rule(shared=1, reach=1.0, stop=stop)
     return shine.maps, Rule(shared=shine.shared, reach=shine.reach, stop=stop)
-
-
-@ti.kernel
-def _total(
-    d_color: f32_2,  # (R, 3)
-    d_opacity: f32_1,  # (R,)
-    d_depth: f32_1,  # (R,)
-    active: i32_1,  # (1,)
-    colors: f32_2,  # (R, 3)
-    opacity: f32_1,  # (R,)
-    depths: f32_1,  # (R,)
-    # outputs
-    totals: f32_1,  # (R,)
-):
-    for ray in range(ti.min(active[0], totals.shape[0])):
-        total = d_opacity[ray] * opacity[ray] + d_depth[ray] * depths[ray]
-        for k in ti.static(range(3)):
-            total += d_color[ray, k] * colors[ray, k]
-        totals[ray] = total
 
 
 @ti.kernel
@@ -327,7 +309,7 @@ def render_backward(
     count, number = rays.origins.shape[0], texels.shape[0]
     records = scratch((number, count, 5), np.float32)
     totals, given = scratch((count,), np.float32), _given(shine, stop)
-    _total(*d_seen, rays.active, *seen, totals)
+    total(*d_seen, rays.active, *seen, totals)
     _trace(*d_seen, *rays, planes, texels, *given, totals, records)
     threads = 1 if on_cpu() else count
     exact = d_texels.dtype == np.int64

@@ -1,26 +1,33 @@
-// needs FIRST, SIDEWAYS, MOST, TILE, TOGETHER, Path, Seen
+#include "_samples.cu"
+
+// needs FIRST, SIDEWAYS, MOST, TILE, TOGETHER, TEXTURED, Path, Seen
 void walk(bool active, int ray, Path path, wp::array_t<float> planes,
-          wp::array_t<wp::uint32> texels, wp::array_t<wp::uint8> filled, float stop, Seen seen) {
+          wp::array_t<wp::uint32> texels, wp::array_t<wp::uint8> filled, wp::uint64 sheet,
+          int columns, float stop, Seen seen) {
     // A block of rays meets a list of planes: those with something in the part that its rays can
-    // see. The texels of TOGETHER planes are loaded before any is used, so that loads wait together.
-    __shared__ float2 at[MOST];   // inverse depths of the planes of the list, and depths
-    __shared__ int places[MOST];  // their numbers
-    __shared__ float boxes[32][8];
-    __shared__ unsigned kept[MOST / 32];
+    // see. If all its rays meet TOGETHER planes away from their borders, the units for textures
+    // interpolate in TEXTURED of them, and integer products in the others, at the same time.
+    __shared__ float4 at[MOST + TOGETHER];        // inverse depths, depths, and places in the sheet
+    __shared__ unsigned firsts[MOST + TOGETHER];  // bytes, for places that count from ORIGIN
+    __shared__ bool inner[MOST + TOGETHER];
+    __shared__ float boxes[32][9];
+    __shared__ unsigned kept[2][MOST / 32];
+    const unsigned ORIGIN = 0x474000u;  // bits of 1.5 * 2^15, where a unit is 2^8 of the lowest
     const int count = texels.shape[0], height = texels.shape[1], width = texels.shape[2];
     const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
     const int warps = blockDim.x >> 5;
     // A ray meets the plane of q at (x + right q, y + down q); find the bounds of all rays.
     const bool ahead = active && path.ahead > SIDEWAYS;
     const float none = __int_as_float(0x7f800000);
-    float box[8] = {path.x, path.right, path.y, path.down};
+    float box[9] = {path.x, path.right, path.y, path.down};
 #pragma unroll
     for (int n = 0; n < 4; ++n) {
         box[n + 4] = ahead ? -box[n] : none;  // the largest ones as the least of negative ones
         box[n] = ahead ? box[n] : none;
     }
+    box[8] = ahead ? -path.eye : none;
 #pragma unroll
-    for (int n = 0; n < 8; ++n) {
+    for (int n = 0; n < 9; ++n) {
 #pragma unroll
         for (int step = 16; step; step >>= 1)
             box[n] = fminf(box[n], __shfl_xor_sync(0xffffffffu, box[n], step));
@@ -28,12 +35,12 @@ void walk(bool active, int ray, Path path, wp::array_t<float> planes,
     }
     __syncthreads();
 #pragma unroll
-    for (int n = 0; n < 8; ++n) {
+    for (int n = 0; n < 9; ++n) {
         for (int k = 0; k < warps; ++k) box[n] = fminf(box[n], boxes[k][n]);
     }
     const int down = filled.shape[1], across = filled.shape[2];
     for (int k = threadIdx.x; k < (count + 31 & ~31); k += blockDim.x) {
-        bool some = false;
+        bool some = false, within = false;
         if (k < count) {
             // One texel more on each side allows for roundings.
             const float q = planes.data[FIRST + k];
@@ -47,82 +54,92 @@ void walk(bool active, int ray, Path path, wp::array_t<float> planes,
                     for (int j = j0; j <= j1 && !some; ++j)
                         some = filled.data[((size_t)k * down + i) * across + j];
             }
+            within = left >= 0.0f && top >= 0.0f && right <= width - 1.0f &&
+                     bottom <= height - 1.0f && -box[8] * q < 1.0f;
         }
         const unsigned all = __ballot_sync(0xffffffffu, some);
-        if (lane == 0) kept[k >> 5] = all;
+        const unsigned whole = __ballot_sync(0xffffffffu, within);
+        if (lane == 0) kept[0][k >> 5] = all, kept[1][k >> 5] = whole;
     }
     __syncthreads();
+    const unsigned area = (unsigned)height * width;
     int listed = 0;
     for (int word = 0; word < (count + 31) / 32; ++word) {
         const int k = 32 * word + lane;
-        if (warp == word % warps && kept[word] >> lane & 1) {
-            const int place = listed + __popc(kept[word] & (1u << lane) - 1);
+        const unsigned all = kept[0][word];
+        if (warp == word % warps && all >> lane & 1) {
+            const int place = listed + __popc(all & (1u << lane) - 1);
             const float q = planes.data[FIRST + k];
-            at[place] = make_float2(q, 1.0f / q);
-            places[place] = k;
+            at[place] =
+                make_float4(q, 1.0f / q, k % columns * width + 0.5f, k / columns * height + 0.5f);
+            firsts[place] = 4u * (k * area - ORIGIN * width - ORIGIN);
+            inner[place] = kept[1][word] >> lane & 1;
         }
-        listed += __popc(kept[word]);
+        listed += __popc(all);
+    }
+    for (int k = listed + threadIdx.x; k < listed + TOGETHER; k += blockDim.x) {
+        at[k] = make_float4(0.0f, 0.0f, 0.0f, 0.0f);
+        inner[k] = 0;
     }
     __syncthreads();
     if (!active) return;
-    const unsigned even = 0x00FF00FFu;
-    const float unit = 1.0f / (255.0f * 256.0f);
-    const size_t area = (size_t)height * width;
-    float red = 0.0f, green = 0.0f, blue = 0.0f, weight = 0.0f, far = 0.0f, through = 1.0f;
+    const char* words = (const char*)texels.data;
+    const float unit = 1.0f / (255.0f * 256.0f), start = 49152.0f;
+    Walked w = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 1.0f};
     const int end = ahead ? listed : 0;
-    for (int k = 0; k < end && through > stop; k += TOGETHER) {
-        unsigned corners[TOGETHER][4];
-        int shares[TOGETHER][2];
+    for (int k = 0; k < end && w.through > stop; k += TOGETHER) {
+        float found[TOGETHER][4];
+        unsigned corners[TOGETHER][4], x[TOGETHER], y[TOGETHER];
+        bool whole = true;
+#pragma unroll
+        for (int n = 0; n < TOGETHER; ++n) whole = whole && inner[k + n];
+        // All loads come first, so that they wait together.
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
-            corners[n][0] = corners[n][1] = corners[n][2] = corners[n][3] = 0;
-            shares[n][0] = shares[n][1] = 0;
-            if (k + n < end) {
-                const float q = at[k + n].x;
-                float column = path.x + path.right * q, row = path.y + path.down * q;
-                if (q * path.eye < 1.0f && row >= -0.5f && column >= -0.5f &&
-                    row <= height - 0.5f && column <= width - 0.5f) {
-                    row = fminf(fmaxf(row, 0.0f), (float)(height - 1));
-                    column = fminf(fmaxf(column, 0.0f), (float)(width - 1));
-                    const int i = min((int)row, height - 2), j = min((int)column, width - 2);
-                    const unsigned* from = texels.data + places[k + n] * area + (i * width + j);
-                    corners[n][0] = __ldg(from);
-                    corners[n][1] = __ldg(from + 1);
-                    corners[n][2] = __ldg(from + width);
-                    corners[n][3] = __ldg(from + width + 1);
-                    shares[n][0] = (int)((column - j) * 256.0f + 0.5f);
-                    shares[n][1] = (int)((row - i) * 256.0f + 0.5f);
-                }
+            const bool read = whole && n < TEXTURED;
+            const float4 place = at[k + n];
+            float column = path.x + path.right * place.x, row = path.y + path.down * place.x;
+            bool inside = whole;
+            if (!whole) {
+                inside = k + n < end && place.x * path.eye < 1.0f && row >= -0.5f &&
+                         column >= -0.5f && row <= height - 0.5f && column <= width - 0.5f;
+                row = fminf(fmaxf(row, 0.0f), height - 1.0f);
+                column = fminf(fmaxf(column, 0.0f), width - 1.0f);
+            }
+            if (read) {
+                asm volatile("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
+                             : "=f"(found[n][0]), "=f"(found[n][1]), "=f"(found[n][2]),
+                               "=f"(found[n][3])
+                             : "l"(sheet), "f"(column + place.z), "f"(row + place.w));
+                continue;
+            }
+            x[n] = __float_as_uint(column + start);
+            y[n] = __float_as_uint(row + start);
+            unsigned i = y[n] >> 8, j = x[n] >> 8;
+            if (!whole) i = min(i, ORIGIN + height - 2), j = min(j, ORIGIN + width - 2);
+            x[n] -= j << 8;
+            y[n] -= i << 8;
+            const unsigned from = 4u * (i * width + j) + firsts[k + n], under = from + 4u * width;
+#pragma unroll
+            for (int m = 0; m < 4; ++m) corners[n][m] = 0;
+            if (inside) {
+                corners[n][0] = __ldg((const unsigned*)(words + from));
+                corners[n][1] = __ldg((const unsigned*)(words + (size_t)from + 4));
+                corners[n][2] = __ldg((const unsigned*)(words + under));
+                corners[n][3] = __ldg((const unsigned*)(words + (size_t)under + 4));
             }
         }
 #pragma unroll
         for (int n = 0; n < TOGETHER; ++n) {
-            const unsigned* c = corners[n];
-            if (through > stop && (c[0] | c[1] | c[2] | c[3])) {
-                const int across = shares[n][0], along = shares[n][1];
-                const unsigned both = (across * along + 128) >> 8;
-                const unsigned w[4] = {256 - across - along + both, across - both, along - both,
-                                       both};
-                unsigned low = 0, high = 0;  // two channels each, in 16 bits
-#pragma unroll
-                for (int m = 0; m < 4; ++m) {
-                    low += (c[m] & even) * w[m];
-                    high += ((c[m] >> 8) & even) * w[m];
-                }
-                const float alpha = unit * (high >> 16), scale = unit * through;
-                const float part = through * alpha;
-                red += scale * (low & 0xFFFFu);
-                green += scale * (high & 0xFFFFu);
-                blue += scale * (low >> 16);
-                weight += part;
-                far += part * at[k + n].y;
-                through *= 1.0f - alpha;
-            }
+            const bool read = whole && n < TEXTURED;
+            if (!read) Walked::between(corners[n], x[n], y[n], found[n]);
+            w.over(found[n], read ? 1.0f : unit, at[k + n].y, stop);
         }
     }
-    seen.color.data[3 * ray] = red;
-    seen.color.data[3 * ray + 1] = green;
-    seen.color.data[3 * ray + 2] = blue;
-    seen.opacity.data[ray] = 1.0f - through;
-    seen.depth.data[ray] = path.ahead > SIDEWAYS ? (far - path.eye * weight) / path.ahead : 0.0f;
+    seen.color.data[3 * ray] = w.red;
+    seen.color.data[3 * ray + 1] = w.green;
+    seen.color.data[3 * ray + 2] = w.blue;
+    seen.opacity.data[ray] = 1.0f - w.through;
+    seen.depth.data[ray] =
+        path.ahead > SIDEWAYS ? (w.far - path.eye * w.weight) / path.ahead : 0.0f;
 }

@@ -150,7 +150,9 @@ def render(
     inputs = [struct_of(Rays, rays), planes, texels, _shine(shine), stop]
     words = texels.device.is_cuda and texels.dtype is wp.uint32
     if words and shine is None and texels.shape[0] <= cuda.MOST:
-        given = [count, row, *inputs[:3], cuda.filled_of(texels), stop]
+        stack = cuda.stack_of(texels)
+        sheet = wp.uint64(stack.sheet.cuda_texture)
+        given = [count, row, *inputs[:3], stack.filled, sheet, stack.columns, stop]
         launch(cuda.render_bytes, cuda.threads(count, row), given, [struct_of(Seen, seen)])
         return
     launch_each(

@@ -1,0 +1,354 @@
+"""A field of Gaussian splats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._runtime import Runtime
+from cvkern.kernels.codes.radiance import AdamRule, CameraSet, Composited, Rays, Seen
+from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
+from cvkern.radiance.fields.field import Field, Frame, Learning, View
+from cvkern.radiance.fields.parameters import Clip, Parameters
+from cvkern.radiance.march import STOP, taken
+from cvkern.radiance.scenes.photographs import Scene
+from cvkern.radiance.splats.relocation import relocated
+from cvkern.radiance.splats.starts import at_random, of_file
+
+BETAS, EPSILON = (0.9, 0.999), 1e-15
+# Learning rates but that of the means, as published for 3DGS.
+RATES = {"turns": 1e-3, "scales": 5e-3, "opacities": 5e-2, "colors": 2.5e-3, "sides": 1.25e-4}
+WANDER = 1e6  # strength of the random moves, in units of the frame
+PERIOD, FIRST = 100, 500  # steps between relocations, and the step of the first one
+LAST = 0.85  # share of the training after which nothing is relocated
+NEAREST = 0.04  # depth below which splats are not seen, at most
+MOST_PIXELS, MOST_ENTRIES = 2**26, 2**30
+
+
+@dataclass(frozen=True)
+class SplatField:
+    """Settings of a field of Gaussian splats.
+
+    A splat is a small ellipsoid that fades like a bell from its middle. Splats are sorted by depth
+    and drawn one over the other, as in 3DGS [1]_, so pictures take little time. Each batch of the
+    training is a whole photograph. The number of splats is fixed: those that fade become copies of
+    others, and those that are hardly seen wander, as in 3DGS-MCMC [2]_.
+
+    Raises
+    ------
+    TypeError
+        If a number has the wrong type.
+    ValueError
+        If a number is out of its range.
+
+    Notes
+    -----
+    The same steps give the same model, bit for bit, on the CPU with any number of threads, and on a
+    GPU: no sum depends on an order.
+
+    Pictures are made of whole views, and an opacity on a screen is no density, so :func:`mesh`
+    refuses a field of splats; :func:`point_cloud` takes it. :func:`fit` refuses `spread`, `robust`,
+    `transient` and masks for it. Depths are those of the middles of the splats. Within a splat, a
+    lens bends alike.
+
+    References
+    ----------
+    .. [1] B. Kerbl, G. Kopanas, T. Leimkühler and G. Drettakis, "3D Gaussian splatting for
+       real-time radiance field rendering", ACM Transactions on Graphics 42(4), 2023.
+    .. [2] S. Kheradmand, D. Rebain, G. Sharma, W. Sun, Y.-C. Tseng, H. Isack, A. Kar, A.
+       Tagliasacchi and K. M. Yi, "3D Gaussian splatting as Markov chain Monte Carlo", NeurIPS 2024.
+    """
+
+    splats: int = 2**16
+    """Number of splats."""
+    start: str | None = None
+    """A ``.ply`` file of points, with or without colours, to begin with, in units of the world: a
+    cloud of COLMAP, for example, or of :func:`point_cloud` of another field, or splats of
+    :func:`write_splats`. By default splats begin at random places."""
+    degree: int = 3
+    """Degree of the harmonics of the colours, 0 to 3; 0 for colours that are the same from all
+    sides."""
+    learning_rate: float = 1.6e-4
+    """Learning rate of the places, as a share of the reach of the cameras."""
+    final_rate: float = 0.01
+    """The same at the end, as a share of that at the beginning."""
+    fade: float = 0.001
+    """Cost of the mean opacity, in units of the mean squared error of a photograph."""
+    shrink: float = 0.001
+    """Cost of the mean size."""
+
+    def __post_init__(self) -> None:
+        check_integer(self.splats, "splats", 1, 2**24)
+        check_integer(self.degree, "degree", 0, 3)
+        for name in ("learning_rate", "final_rate"):
+            check_positive(getattr(self, name), name)
+        for name in ("fade", "shrink"):
+            check_number(getattr(self, name), name, low=0.0)
+        if self.start is not None and not isinstance(self.start, str):
+            raise TypeError(f"start must be the path of a .ply file, got {self.start!r}")
+
+    def build(self, rt: Runtime, frame: Frame, seed: int) -> SplatCloud:
+        """Return the field itself, without splats yet."""
+        return SplatCloud(rt, frame, self, seed)
+
+
+class SplatCloud(Field):
+    """A field with the settings of a :class:`SplatField`."""
+
+    whole = True
+    rays = first_rays = MOST_PIXELS
+    learnt: dict[str, Parameters]
+    views: CameraSet
+    screen: Screen
+    lists: Lists
+
+    def __init__(self, rt: Runtime, frame: Frame, settings: SplatField, seed: int):
+        self.rt, self.frame, self.settings, self.seed = rt, frame, settings, seed
+        self.near = min(frame.near or NEAREST, NEAREST)
+        self._clip, self._room = Clip(rt, None), 0
+        self._rates = {name: rt.zeros((3,)) for name in Splats._fields}
+
+    def _shapes(self) -> dict[str, tuple[int, int]]:
+        count, more = self.settings.splats, 3 * ((self.settings.degree + 1) ** 2 - 1)
+        widths = dict(zip(Splats._fields, (3, 4, 3, 1, 3), strict=False))
+        return {name: (count, n) for name, n in widths.items()} | {
+            "sides": (count, more) if more else (1, 1)
+        }
+
+    def start(self, scene: Scene) -> None:
+        """See :meth:`Field.start`."""
+        s = self.settings
+        if s.start is None:
+            self.become(at_random(self.frame, s.splats, s.degree, self.seed))
+        else:
+            self.become(of_file(s.start, self.frame, s.splats, s.degree, self.seed))
+
+    def become(self, splats: Splats) -> None:
+        """Begin with these splats."""
+        self.edition += 1
+        self.learnt = {
+            name: Parameters(self.rt, values, np.dtype(np.float32))
+            for name, values in splats._asdict().items()
+        }
+
+    @property
+    def splats(self) -> Splats:
+        """The splats, as kernels take them."""
+        return Splats(*(self.learnt[name].values for name in Splats._fields))
+
+    def begin(self, views: CameraSet) -> None:
+        """See :meth:`Field.begin`."""
+        rt = self.rt
+        self.views, count = views, views.width * views.height
+        self.rays = self.first_rays = count
+        self.rendered = Composited(
+            rt.zeros((count, 3)), rt.zeros((count,)), rt.zeros((count,)), rt.zeros((1,))
+        )
+        self.view = rt.zeros((1,), np.int32)
+        eyes = rt.to_numpy(views.poses)[:, :, 3].astype(np.float64)
+        reach = np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max()
+        self.reach = 1.1 * float(reach) or 1.0
+        self.leap = _leap(len(eyes))
+        number, tiles = self.settings.splats, _tiles(views.width, views.height)[1]
+        self.screen = Screen(
+            rt.zeros((number, SHOWN)),
+            rt.zeros((number, 4), np.int32),
+            rt.zeros((number,), np.int32),
+        )
+        self.order, self.ranks, self.ends = (rt.zeros((number,), np.int32) for _ in range(3))
+        self.ranges, self._room = rt.zeros((tiles + 1,), np.int32), 0
+        most = 0
+        for view in range(0, len(eyes), max(1, len(eyes) // 8)):
+            rt.write(self.view, np.array([view], np.int32))
+            self._sort()
+            most = max(most, self.taken())
+        self._make_room(most)
+
+    def _make_room(self, entries: int) -> None:
+        """Have room for about twice as many entries."""
+        rt = self.rt
+        room = self._room = min(max(2 * entries, 2**12), MOST_ENTRIES)
+        self.edition += 1
+        entries, sources = (rt.zeros((room,), np.int32) for _ in range(2))
+        self.lists = Lists(self.order, self.ranks, self.ends, entries, sources, self.ranges)
+        self.slopes = rt.zeros((room, SLOPES))
+        self._most = 0
+
+    def photograph(self, images: Any, seed: int, step: Any, targets: Any, places: Any) -> None:
+        """See :meth:`Field.photograph`."""
+        self.rt.radiance.fields.splats.batches.photograph(
+            images, self.leap, seed, step, self.view, targets, *places
+        )
+
+    def _sight(self) -> Sight:
+        v = self.views
+        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near)
+
+    def _sort(self) -> None:
+        kernels = self.rt.radiance.fields.splats
+        kernels.projection.project(self.splats, self._sight(), self.screen)
+        kernels.lists.sort(self.screen, self.order, self.ranks, self.ends)
+
+    def forward(self, rays: Rays, step: Any) -> Composited:
+        """See :meth:`Field.forward`: render the photograph that was chosen."""
+        v, kernels = self.views, self.rt.radiance.fields.splats
+        self._sort()
+        kernels.lists.fill(self.screen, _tiles(v.width, v.height)[0], self.lists)
+        kernels.tiles.composite(
+            self.screen.shown, self.lists.entries, self.ranges, v.width, v.height, STOP,
+            Seen(*self.rendered[:3]),
+        )  # fmt: skip
+        return self.rendered
+
+    def backward(self, gradients: Composited) -> None:
+        """See :meth:`Field.backward`."""
+        v, kernels = self.views, self.rt.radiance.fields.splats
+        kernels.tiles.composite_backward(
+            Seen(*gradients[:3]), self.screen.shown, self.lists, v.width, v.height, STOP,
+            Seen(*self.rendered[:3]), self.slopes,
+        )  # fmt: skip
+        to = Splats(*(self.learnt[name].gradients for name in Splats._fields))
+        kernels.projection.project_backward(self.splats, self._sight(), self.lists, self.slopes, to)
+        s = self.settings
+        each = self.rays / s.splats
+        kernels.learning.restrain(self.splats, s.fade * each, s.shrink * each / 3, to)
+
+    def collected(self) -> list[Any]:
+        """See :meth:`Field.collected`."""
+        return [p.gradients for p in self.learnt.values()]
+
+    def learn(self, learning: Learning) -> None:
+        """See :meth:`Field.learn`."""
+        s, rt = self.settings, self.rt
+        adam, rule = rt.radiance.training.adam, AdamRule(*BETAS, EPSILON)
+        self._clip.update(learning.scale / self.gradient_scale)
+        for name, p in self.learnt.items():
+            rate, final = RATES.get(name, 0.0), 1.0
+            if name == "means":
+                rate, final = s.learning_rate * self.reach, s.final_rate
+            adam.learning_rate(
+                learning.step, learning.progress, rate, 1, final, *BETAS, self._rates[name]
+            )
+            adam.adam(self._rates[name], self._clip.factor, rule, *p.flat())
+        rt.radiance.fields.splats.learning.wander(
+            self._rates["means"], WANDER, self.seed, learning.step, self.splats
+        )
+
+    def tend(self, step: int, learning: Learning) -> None:
+        """See :meth:`Field.tend`: relocate splats that have faded."""
+        if step < FIRST or step % PERIOD:
+            return
+        rt = self.rt
+        if float(rt.to_numpy(learning.progress)[0]) > LAST:
+            return
+        if self._room > max(4 * self._most, 2**12):
+            self._make_room(self._most)
+        self._most = 0
+        logits = rt.to_numpy(self.learnt["opacities"].values)[:, 0].astype(np.float64)
+        rows, numbers, count = relocated(1 / (1 + np.exp(-logits)), self.seed, step)
+        of = [Splats(*(getattr(self.learnt[n], part) for n in Splats._fields))
+              for part in ("values", "mean", "square")]  # fmt: skip
+        for part in (slice(count), slice(count, None)):
+            if len(rows[part]):
+                rt.radiance.fields.splats.learning.relocate(
+                    rt.send("splats.rows", np.ascontiguousarray(rows[part])),
+                    rt.send("splats.numbers", np.ascontiguousarray(numbers[part])),
+                    *of,
+                )
+
+    def taken(self) -> int:
+        """See :meth:`Field.taken`; samples are tiles of splats. Make room for more if necessary."""
+        found = int(self.rt.to_numpy(self.ends)[-1])
+        if self._room:
+            self._most = max(self._most, found)
+            if found > 0.8 * self._room:
+                self._make_room(found)
+        return found
+
+    def rays_for(self, samples: int, rays: int) -> int:
+        """See :meth:`Field.rays_for`: all pixels of a photograph."""
+        return self.rays
+
+    def see(self, origins: Any, directions: Any, seen: View, row: int = 0) -> None:
+        """Refuse, because splats are drawn on whole views."""
+        raise ValueError("model must render single rays, which a field of splats cannot")
+
+    def draw(self, cameras: CameraSet, seen: View) -> None:
+        """See :meth:`Field.draw`."""
+        rt, kernels, number = self.rt, self.rt.radiance.fields.splats, self.settings.splats
+
+        def room(name: str, shape: tuple[int, ...], dtype: Any = np.int32) -> Any:
+            return rt.scratch(f"splats.{name}", shape, dtype)
+
+        width, height = cameras.width, cameras.height
+        columns, tiles = _tiles(width, height)
+        view = rt.constant(np.zeros(1, np.int32))
+        sight = Sight(cameras.poses, cameras.lenses, view, width, height, self.near)
+        screen = Screen(
+            room("shown", (number, SHOWN), np.float32), room("boxes", (number, 4)),
+            room("depths", (number,)),
+        )  # fmt: skip
+        order, ranks, ends = (room(name, (number,)) for name in ("order", "ranks", "ends"))
+        kernels.projection.project(self.splats, sight, screen)
+        kernels.lists.sort(screen, order, ranks, ends)
+        entries = int(rt.to_numpy(ends)[-1])
+        # Sums of 32 bits may have gone beyond their range before the last splat.
+        if number * tiles >= 2**31:
+            boxes = rt.to_numpy(screen.boxes)[:, 2:].astype(np.int64)
+            entries = int(boxes.prod(axis=1).sum())
+        if not 0 <= entries <= MOST_ENTRIES:
+            raise ValueError(
+                f"cameras must meet at most 2^30 tiles of splats in a view, got {entries}"
+            )
+        entries = max(1, entries)
+        lists = Lists(
+            order, ranks, ends, room("entries", (entries,)), room("sources", (entries,)),
+            room("ranges", (tiles + 1,)),
+        )  # fmt: skip
+        kernels.lists.fill(screen, columns, lists)
+        kernels.tiles.composite(
+            screen.shown, lists.entries, lists.ranges, width, height, STOP, Seen(*seen)
+        )
+
+    def densities(self, points: np.ndarray) -> np.ndarray:
+        """Refuse, because an opacity on a screen is no density."""
+        raise ValueError(
+            "model must have densities, which splats have not: point_cloud makes points of them"
+        )
+
+    def state(self) -> dict[str, np.ndarray]:
+        """See :meth:`Field.state`."""
+        found: dict[str, np.ndarray] = {}
+        for name, p in self.learnt.items():
+            found |= p.state(f"{name}.", self.rt)
+        return found
+
+    def to_render(self, state: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """See :meth:`Field.to_render`; places stay in full precision."""
+        found = super().to_render(state)
+        return found | {"means.values": state["means.values"]}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """See :meth:`Field.restore`."""
+        shapes = self._shapes()
+        values = {name: taken(state, f"{name}.values", shape) for name, shape in shapes.items()}
+        self.become(Splats(**values))
+        for name, p in self.learnt.items():
+            p.restore(f"{name}.", state, self.rt)
+
+
+def _leap(count: int) -> int:
+    """Return how many photographs to go on by, so that each has its turn."""
+    near = max(1, round(0.618 * count))
+    return next(n for n in range(near, near + count + 1) if math.gcd(n, count) == 1)
+
+
+def _tiles(width: int, height: int) -> tuple[int, int]:
+    """Return the number of tiles in a row of the screen, and of all."""
+    columns = -(-width // TILE)
+    return columns, columns * -(-height // TILE)

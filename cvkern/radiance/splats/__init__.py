@@ -1,0 +1,1 @@
+"""Gaussian splats: where they begin, how they are relocated, and their files."""

@@ -1,0 +1,163 @@
+// needs TILE, SHOWN, FAINT, MOST, Seen
+// Composite the pixels of a tile, front to back; all threads of a block come here.
+void composite_pixel(int tile, wp::array_t<float> shown, wp::array_t<int> entries,
+                     wp::array_t<int> ranges, int width, int height, float stop, Seen seen) {
+    // A warp takes 8 x 4 pixels, so that it can leave out splats that do not reach these.
+    __shared__ float4 batch[TILE * TILE][SHOWN / 4];
+    const int columns = (width + TILE - 1) / TILE, lane = threadIdx.x & 31;
+    const int warp = threadIdx.x >> 5, across = tile % columns * TILE + (warp & 1) * 8;
+    const int along = tile / columns * TILE + (warp >> 1) * 4;
+    const int column = across + (lane & 7), row = along + (lane >> 3);
+    const bool inside = column < width && row < height;
+    const float middle_x = across + 3.5f, middle_y = along + 1.5f;
+    float red = 0.0f, green = 0.0f, blue = 0.0f, far = 0.0f, through = inside ? 1.0f : 0.0f;
+    const int end = ranges.data[tile + 1];
+    for (int begin = ranges.data[tile]; begin < end; begin += TILE * TILE) {
+        if (!__syncthreads_or(through > stop)) break;
+        if (begin + threadIdx.x < end) {
+            const float4* from =
+                (const float4*)(shown.data + (size_t)SHOWN * entries.data[begin + threadIdx.x]);
+#pragma unroll
+            for (int k = 0; k < SHOWN / 4; ++k) batch[threadIdx.x][k] = __ldg(from + k);
+        }
+        __syncthreads();
+        const int count = min(TILE * TILE, end - begin);
+        for (int n = 0; n < count; ++n) {
+            const float4 a = batch[n][0], c = batch[n][2];
+            if (fabsf(a.x - middle_x) > c.z + 3.5f || fabsf(a.y - middle_y) > c.w + 1.5f) continue;
+            const float4 b = batch[n][1];
+            const float dx = a.x - column, dy = a.y - row;
+            const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
+            const float alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
+            if (alpha >= FAINT && through > stop) {
+                const float weight = through * alpha;
+                red += weight * b.z;
+                green += weight * b.w;
+                blue += weight * c.x;
+                far += weight * c.y;
+                through -= weight;
+            }
+        }
+    }
+    if (!inside) return;
+    const size_t ray = (size_t)row * width + column;
+    seen.color.data[3 * ray] = red;
+    seen.color.data[3 * ray + 1] = green;
+    seen.color.data[3 * ray + 2] = blue;
+    seen.opacity.data[ray] = 1.0f - through;
+    seen.depth.data[ray] = far;
+}
+
+// needs TILE, SHOWN, SLOPES, FAINT, MOST, BATCH, Seen
+// Compute the gradients of the entries of a tile, front to back; all threads of a block come here.
+void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<int> entries,
+                 wp::array_t<int> sources, wp::array_t<int> ranges, int width, int height,
+                 float stop, Seen seen, wp::array_t<float> slopes) {
+    // The sums over the pixels of each warp are kept for BATCH splats, then added in one order.
+    __shared__ float4 batch[BATCH][SHOWN / 4];
+    __shared__ float sums[BATCH][TILE * TILE / 32][SLOPES];
+    const int columns = (width + TILE - 1) / TILE, lane = threadIdx.x & 31;
+    const int warp = threadIdx.x >> 5, across = tile % columns * TILE + (warp & 1) * 8;
+    const int along = tile / columns * TILE + (warp >> 1) * 4;
+    const int column = across + (lane & 7), row = along + (lane >> 3);
+    const bool inside = column < width && row < height;
+    const float middle_x = across + 3.5f, middle_y = along + 1.5f;
+    const size_t ray = inside ? (size_t)row * width + column : 0;
+    float through = inside ? 1.0f : 0.0f, rest = 0.0f, g[4] = {0.0f, 0.0f, 0.0f, 0.0f};
+    if (inside) {
+        g[3] = d_seen.opacity.data[ray];
+        rest = g[3] * seen.opacity.data[ray];
+#pragma unroll
+        for (int k = 0; k < 3; ++k) {
+            g[k] = d_seen.color.data[3 * ray + k];
+            rest += g[k] * seen.color.data[3 * ray + k];
+        }
+    }
+    // Half of the lanes keep five of nine sums, half of these three, then two, then one.
+    const int part = 3 * (lane >> 3 & 1) + 2 * (lane >> 2 & 1) + (lane >> 1 & 1);
+    const bool mine = (lane & 1) == 0 && (lane >> 2 & 1) + (lane >> 1 & 1) < 2 && part < 5 &&
+                      part + 5 * (lane >> 4) < SLOPES;
+    const int number = part + 5 * (lane >> 4);
+    const int end = ranges.data[tile + 1];
+    for (int begin = ranges.data[tile]; begin < end; begin += BATCH) {
+        const bool alive = __syncthreads_or(through > stop);
+        const int count = min(BATCH, end - begin);
+        if (threadIdx.x < count) {
+            const float4* from =
+                (const float4*)(shown.data + (size_t)SHOWN * entries.data[begin + threadIdx.x]);
+#pragma unroll
+            for (int k = 0; k < SHOWN / 4; ++k) batch[threadIdx.x][k] = __ldg(from + k);
+        }
+        __syncthreads();
+        for (int n = 0; n < count; ++n) {
+            const float4 a = batch[n][0], b = batch[n][1], c = batch[n][2];
+            bool on =
+                alive && fabsf(a.x - middle_x) <= c.z + 3.5f && fabsf(a.y - middle_y) <= c.w + 1.5f;
+            float dx = 0.0f, dy = 0.0f, alpha = 0.0f;
+            if (on) {
+                dx = a.x - column;
+                dy = a.y - row;
+                const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
+                alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
+                on = alpha >= FAINT && through > stop;
+            }
+            if (!__any_sync(0xffffffffu, on)) {
+                if (mine) sums[n][warp][number] = 0.0f;
+                continue;
+            }
+            float v[10] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+            if (on) {
+                const float weight = through * alpha;
+                const float slope = g[0] * b.z + g[1] * b.w + g[2] * c.x + g[3];
+                const float left = through - weight;
+                rest -= weight * slope;
+                const float shadow = left > stop ? __fdividef(rest, 1.0f - alpha) : 0.0f;
+                const float d = alpha < MOST ? (through * slope - shadow) * alpha : 0.0f;
+                v[0] = -(a.z * dx + a.w * dy) * d;
+                v[1] = -(b.x * dy + a.w * dx) * d;
+                v[2] = -0.5f * dx * dx * d;
+                v[3] = -dx * dy * d;
+                v[4] = -0.5f * dy * dy * d;
+                v[5] = d;
+                v[6] = weight * g[0];
+                v[7] = weight * g[1];
+                v[8] = weight * g[2];
+                through = left;
+            }
+#pragma unroll
+            for (int k = 0; k < 5; ++k) {
+                const bool high = lane & 16;
+                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 5], 16);
+                v[k] = (high ? v[k + 5] : v[k]) + other;
+            }
+            v[5] = 0.0f;
+#pragma unroll
+            for (int k = 0; k < 3; ++k) {
+                const bool high = lane & 8;
+                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 3], 8);
+                v[k] = (high ? v[k + 3] : v[k]) + other;
+            }
+            v[3] = 0.0f;
+#pragma unroll
+            for (int k = 0; k < 2; ++k) {
+                const bool high = lane & 4;
+                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 2], 4);
+                v[k] = (high ? v[k + 2] : v[k]) + other;
+            }
+            const bool high = lane & 2;
+            const float other = __shfl_xor_sync(0xffffffffu, high ? v[0] : v[1], 2);
+            v[0] = (high ? v[1] : v[0]) + other;
+            v[0] += __shfl_xor_sync(0xffffffffu, v[0], 1);
+            if (mine) sums[n][warp][number] = v[0];
+        }
+        __syncthreads();
+        for (int k = threadIdx.x; k < count * SLOPES; k += TILE * TILE) {
+            const int n = k / SLOPES, of = k % SLOPES;
+            float total = 0.0f;
+#pragma unroll
+            for (int w = 0; w < TILE * TILE / 32; ++w) total += sums[n][w][of];
+            if (of == 5) total /= batch[n][1].y;
+            slopes.data[(size_t)SLOPES * sources.data[begin + n] + of] = total;
+        }
+    }
+}

@@ -1,0 +1,117 @@
+"""Splats composited tile by tile, in Warp; the Taichi set has the equations.
+
+On the CPU a vector holds a row of a tile; plain Warp takes a pixel after the other. On CUDA a block
+takes a tile.
+"""
+
+from functools import cache
+
+import warp as wp
+
+from cvkern.kernels.codes import radiance
+from cvkern.kernels.codes import splats as codes
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
+from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.radiance._structs import Seen
+
+from . import _tiles_cuda as cuda
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+TILE = codes.TILE
+FEW = 4  # slabs a thread, since some tiles have far more splats than others
+_RULES = {
+    "TILE": TILE,
+    "SHOWN": codes.SHOWN,
+    "FAINT": f"{codes.FAINT:.9g}f",
+    "MOST": f"{codes.MOST:.9g}f",
+    "Seen": Seen.native_name,
+}
+
+
+@cache
+def _kernels() -> tuple[wp.Kernel, wp.Kernel]:
+    """Return the kernels of the CPU."""
+
+    @_native.each("_tiles_cpu.h", **_RULES)
+    def composite_tile(
+        tile: int,
+        shown: wp.array2d[float],
+        entries: wp.array[int],
+        ranges: wp.array[int],
+        width: int,
+        height: int,
+        stop: float,
+        seen: Seen,
+    ): ...
+
+    @_native.each("_tiles_cpu.h", SLOPES=codes.SLOPES, **_RULES)
+    def trace_tile(
+        tile: int,
+        d_seen: Seen,
+        shown: wp.array2d[float],
+        entries: wp.array[int],
+        sources: wp.array[int],
+        ranges: wp.array[int],
+        width: int,
+        height: int,
+        stop: float,
+        seen: Seen,
+        slopes: wp.array2d[float],
+    ): ...
+
+    return composite_tile, trace_tile
+
+
+def composite(
+    shown: wp.array,
+    entries: wp.array,
+    ranges: wp.array,
+    width: int,
+    height: int,
+    stop: float,
+    seen: radiance.Seen,
+) -> None:
+    """Composite all pixels of a picture; a ray ends where the share of light falls to `stop`.
+
+    `shown` is that of `Screen`, `entries` and `ranges` are those of `Lists`.
+    """
+    tiles = ranges.shape[0] - 1
+    inputs, outputs = [shown, entries, ranges, width, height, stop], [struct_of(Seen, seen)]
+    if ranges.device.is_cuda:
+        launch(cuda.composite, tiles * TILE * TILE, inputs, outputs, TILE * TILE)
+        return
+    launch_slabs(_kernels()[0], tiles, _slabs(tiles), inputs, outputs)
+
+
+def _slabs(tiles: int) -> int:
+    """Return the number of slabs for so many tiles."""
+    number = slabs(tiles, tiles * 2**14)
+    return number if number == 1 else min(FEW * number, tiles)
+
+
+def composite_backward(
+    d_seen: radiance.Seen,
+    shown: wp.array,
+    lists: codes.Lists,
+    width: int,
+    height: int,
+    stop: float,
+    seen: radiance.Seen,
+    slopes: wp.array,
+) -> None:
+    """Compute the gradients of entries by the first numbers of `shown`, `slopes` (E, 9).
+
+    `d_seen` are gradients by colours and opacities of `seen`; depths have none. The end of a ray is
+    treated as constant.
+    """
+    tiles = lists.ranges.shape[0] - 1
+    inputs = [
+        struct_of(Seen, d_seen), shown, lists.entries, lists.sources, lists.ranges, width, height,
+        stop, struct_of(Seen, seen),
+    ]  # fmt: skip
+    if slopes.device.is_cuda:
+        launch(cuda.trace, tiles * TILE * TILE, inputs, [slopes], TILE * TILE)
+        return
+    launch_slabs(_kernels()[1], tiles, _slabs(tiles), inputs, [slopes])
