@@ -12,6 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._memory import empty
+
 CUDA, CUDA_MANAGED = 2, 13  # device types of DLPack
 
 
@@ -50,7 +52,7 @@ class Library(ABC):
 
     def empty(self, shape: tuple[int, ...], dtype: np.dtype, device: str) -> Any:
         """Allocate an uninitialised array on `device`; on the host if it is not `writable`."""
-        return np.empty(shape, dtype)
+        return empty(shape, dtype)
 
     def stream(self, device: str) -> int | None:
         """Return the caller's current CUDA stream, or None where the library has none."""

@@ -19,8 +19,8 @@ def capture(function: Callable[..., Any], *args: Any, **options: Any) -> Callabl
     ----------
     function : callable
         A function of cvkern, or one that calls several of them. All of its work must be done by
-        kernels. This excludes :func:`subpixel_edges` and :func:`median`, which read values or
-        convert dtypes outside of kernels.
+        kernels. This excludes :func:`subpixel_edges`, which reads values outside of kernels, and
+        :func:`median` of another dtype than uint8 or above 15 x 15, which converts dtypes there.
     *args, **options
         Its arguments. Each repetition reads the same arrays again, so fill them in place. On a GPU
         they must be contiguous, of the dtype that `function` computes in, and of a library whose

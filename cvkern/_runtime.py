@@ -6,6 +6,7 @@ This module and `_sets.py` alone know that there is more than one kernel framewo
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import re
 import sys
@@ -29,6 +30,7 @@ from cvkern._tape import capturing, keep_constant, keep_result, refuse_capture
 
 DEVICES = "'cpu', 'cuda', 'cuda:N', 'vulkan' or 'metal'"
 _MAX_CONSTANTS = 256
+_PIECE = 256  # bytes at whose multiples arrays begin that are copied together
 
 _chosen: ContextVar[tuple[str, str] | None] = ContextVar("cvkern", default=None)
 
@@ -138,9 +140,10 @@ def release_memory() -> None:
 
     Each thread keeps the scratch memory of its calls: on the host at most ``CVKERN_SCRATCH_MB``
     mebibytes in all threads together, by default 1024. This function frees all scratch memory on
-    the host, that of this thread on GPUs, and the pinned host memory for results. Other threads
-    free theirs on GPUs at their next call that uses some. Running calls of other threads are not
-    disturbed. The memory of a captured call (:func:`capture`) stays.
+    the host, that of this thread on GPUs, and the host memory that is kept of earlier results, at
+    most 256 MiB and as much pinned. Other threads free theirs on GPUs at their next call that uses
+    some. Running calls of other threads are not disturbed. The memory of a captured call
+    (:func:`capture`) stays.
 
     Raises
     ------
@@ -157,6 +160,7 @@ def release_memory() -> None:
         loaded = sys.modules.get(f"cvkern.kernels.{name}")
         if loaded is not None:
             loaded.release_memory()
+    importlib.import_module("cvkern._plans").forget()
     trim()
 
 
@@ -254,6 +258,20 @@ class Runtime(Folder):
         self.write(array, values)
         return array
 
+    def send_all(self, name: str, *values: np.ndarray) -> list[Any]:
+        """Copy several host arrays as :meth:`send` does, on a GPU in one piece."""
+        if self.device == "cpu":
+            return [self.adopt(v, v.dtype) for v in values]
+        begins = np.cumsum([0, *(-(-v.nbytes // _PIECE) * _PIECE for v in values)]).tolist()
+        together = np.zeros(max(begins[-1], 1), np.uint8)
+        for v, begin in zip(values, begins, strict=False):
+            together[begin : begin + v.nbytes] = np.ascontiguousarray(v).reshape(-1).view(np.uint8)
+        room = self.send(name, together)
+        return [
+            self._set.view(room.ptr + begin, room, v.dtype, v.shape, self.device)
+            for v, begin in zip(values, begins, strict=False)
+        ]
+
     def zeros(self, shape: tuple[int, ...], dtype: Any = np.float32) -> Any:
         """Allocate kernel memory that is not shared as scratch is, filled with 0."""
         return self._set.zeros(shape, np.dtype(dtype), self.device)
@@ -292,6 +310,19 @@ class Runtime(Folder):
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
         """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
+
+    def plan(self, call: Callable[[], Any], image: Any, results: list[Any]) -> tuple[Any, Any]:
+        """Return what `call` returns, and the plan of its launches, or None if there is none.
+
+        `image` is all that it reads, and it lists in `results` the arrays that it allocates.
+        """
+        with self._set.noting() as notes:
+            returned = call()
+        spans = []
+        for array in (image, *results):
+            size = math.prod(array.shape) * self.library.dtype(array).itemsize
+            spans.append((self.library.memory(array, self.device)[0], size))
+        return returned, self._set.plan_of(notes, spans)
 
     @property
     def matrix_dtype(self) -> np.dtype:

@@ -10,7 +10,9 @@ import numpy as np
 
 from cvkern._arrays import NUMPY, library
 from cvkern._checks import check_choice, check_code, check_image, check_number, check_photograph
+from cvkern._plans import planned
 from cvkern._runtime import Runtime, runtime
+from cvkern._strips import in_strips
 from cvkern._tape import capturing
 from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
 from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
@@ -35,6 +37,8 @@ class EdgeOptions(NamedTuple):
     batch_axis: int | None = None
 
 
+@planned
+@in_strips
 def canny(
     image: Any,
     sigma: float = 1.0,

@@ -11,7 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import check_choice, check_code, check_number, check_photograph
+from cvkern._plans import planned
 from cvkern._runtime import Runtime, runtime
+from cvkern._strips import in_strips
 from cvkern.filters.channels import longest_slopes, planes_of
 from cvkern.filters.linear import NO_SIGMA, check_radius, frozen_taps, gaussian_taps
 from cvkern.kernels.codes.filters import Border, Outside
@@ -40,6 +42,8 @@ class Gradient(NamedTuple):
     """``atan2(dy, dx)``, radians in (-pi, pi], (H, W) float32."""
 
 
+@planned
+@in_strips
 def gradient(
     image: Any,
     *,

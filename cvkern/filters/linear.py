@@ -22,7 +22,9 @@ from cvkern._checks import (
     check_out,
     check_pair,
 )
+from cvkern._plans import planned
 from cvkern._runtime import runtime
+from cvkern._strips import in_strips
 from cvkern.filters.depths import as_floats, check_result
 from cvkern.kernels.codes.filters import Border
 
@@ -30,6 +32,8 @@ MAX_RADIUS = 2**20
 NO_SIGMA = 1e-15  # largest sigma that does not smooth, as in scipy.ndimage
 
 
+@planned
+@in_strips
 def gaussian(
     image: Any,
     sigma: float | Sequence[float] = 1.0,
@@ -131,6 +135,8 @@ def check_radius(radius: float) -> None:
         raise ValueError(f"sigma must reach at most {MAX_RADIUS} pixels, got {radius:g}")
 
 
+@planned
+@in_strips
 def correlate_separable(
     image: Any,
     taps: Any,
@@ -187,6 +193,8 @@ def correlate_separable(
     return separable(image, taps, mode, cval, channel_axis, batch_axis, dtype, out)
 
 
+@planned
+@in_strips
 def box(
     image: Any,
     radius: int | Sequence[int] = 1,

@@ -15,7 +15,9 @@ from cvkern._checks import (
     check_number,
     check_out,
 )
+from cvkern._plans import planned
 from cvkern._runtime import refuse_capture, runtime
+from cvkern._strips import in_strips
 from cvkern.filters.linear import image_layout
 from cvkern.kernels.codes.filters import Border
 
@@ -23,6 +25,8 @@ MAX_RADIUS = 15
 BYTE_RADIUS = 7  # largest window, of 15 x 15 pixels, whose counts fit into bytes
 
 
+@planned
+@in_strips
 def median(
     image: Any,
     radius: int = 1,
@@ -82,13 +86,15 @@ def median(
     dtype = lib.dtype(image)
     check_out(out, image, dtype)
     cval = _value(check_number(cval, "cval"), dtype)
-    refuse_capture("median")
+    in_bytes = dtype == np.uint8 and radius <= BYTE_RADIUS
+    if axis == 1 or not in_bytes:
+        refuse_capture("median of another dtype than uint8, or above 15 x 15")
     axes = axis, batch_axis
     if axis == 1:  # rare: move the channels to the last axis, and back
         last = {"channel_axis": len(image.shape) - 1, "batch_axis": batch_axis}
         swapped = median(lib.swap(image), radius, mode=mode, cval=cval, **last)
         result = lib.contiguous(lib.swap(swapped), dtype)
-    elif dtype == np.uint8 and radius <= BYTE_RADIUS:
+    elif in_bytes:
         result = _median_of_keys(image, radius, axes, 0, 8, border, int(cval), carrier=dtype)
     elif dtype in _INTEGERS:
         low, bits = _INTEGERS[dtype]

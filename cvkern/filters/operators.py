@@ -5,15 +5,18 @@ Sums are float32 in a fixed order of operations, so they have the same bits on e
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._checks import check_beside, check_code, check_integer, check_number, check_photograph
+from cvkern._plans import planned
 from cvkern._runtime import runtime
+from cvkern._strips import in_strips
 from cvkern.filters.channels import longest_slopes, planes_of
 from cvkern.filters.gradients import DIFFERENCE, SMOOTH, differentiate, without_channels
-from cvkern.filters.linear import frozen_taps
+from cvkern.filters.linear import frozen_taps, separable
 from cvkern.kernels.codes.filters import Border
 
 _MEAN = {name: frozen_taps(taps / taps.sum()) for name, taps in SMOOTH.items()}
@@ -30,6 +33,8 @@ class _Options(NamedTuple):
     batch_axis: int | None
 
 
+@planned
+@in_strips
 def sobel(
     image: Any,
     mask: Any = None,
@@ -133,6 +138,8 @@ def sobel_v(image: Any, mask: Any = None, *, batch_axis: int | None = None) -> A
     return sobel(image, mask, axis=1, batch_axis=batch_axis)
 
 
+@planned
+@in_strips
 def scharr(
     image: Any,
     mask: Any = None,
@@ -175,6 +182,8 @@ def scharr(
     return _edge_strength(image, "scharr", axis, _Options(mask, mode, cval, batch_axis))
 
 
+@planned
+@in_strips
 def prewitt(
     image: Any,
     mask: Any = None,
@@ -217,6 +226,8 @@ def prewitt(
     return _edge_strength(image, "prewitt", axis, _Options(mask, mode, cval, batch_axis))
 
 
+@planned
+@in_strips
 def laplace(
     image: Any,
     ksize: int = 3,
@@ -224,19 +235,22 @@ def laplace(
     *,
     mode: str = "reflect",
     cval: float = 0.0,
+    channel_axis: int | None = None,
     batch_axis: int | None = None,
 ) -> Any:
     """Find edges by the Laplace operator: four times a pixel less its four neighbours.
 
     Parameters
     ----------
-    image : array of shape (H, W), or a stack (N, H, W)
+    image : array of shape (H, W) or (H, W, C), or a stack of them
         Any real dtype.
     ksize : int, default 3
         Side of the operator, pixels. There is one of 3 x 3 only, in scikit-image too, whatever its
         `ksize` is.
-    mask, mode, cval, batch_axis
-        As in :func:`sobel`.
+    mask : array of the result's shape, optional
+        As in :func:`sobel`; not with `channel_axis`.
+    mode, cval, channel_axis, batch_axis
+        As in :func:`gaussian`.
 
     Returns
     -------
@@ -246,8 +260,8 @@ def laplace(
     Raises
     ------
     TypeError, ValueError
-        As :func:`sobel`; or if `ksize` is not 3, or `image` is a colour image, which has no single
-        Laplacian.
+        As :func:`sobel`; or if `ksize` is not 3, or `image` is a colour image and `channel_axis` is
+        not given: a colour image has no single Laplacian.
 
     Notes
     -----
@@ -262,11 +276,17 @@ def laplace(
            [-1.,  4., -1.],
            [ 0., -1.,  0.]], dtype=float32)
     """
-    image = check_photograph(image, batch_axis=batch_axis)
     check_integer(ksize, "ksize", 3, 3)
+    if channel_axis is not None:
+        if mask is not None:
+            raise ValueError("mask must be None with channel_axis, got one")
+        return _laplace_of_channels(image, mode, cval, channel_axis, batch_axis)
+    image = check_photograph(image, batch_axis=batch_axis)
     shape = without_channels(image, batch_axis)
     if tuple(image.shape) != shape:
-        raise ValueError(f"image must be grey, got a colour image of shape {tuple(image.shape)}")
+        raise ValueError(
+            f"image must be grey, or have a channel_axis, got shape {tuple(image.shape)}"
+        )
     mask = check_beside(mask, shape, "mask")
     border, cval = check_code(mode, Border, "mode"), check_number(cval, "cval")
     rt = runtime(image, mask)
@@ -278,6 +298,22 @@ def laplace(
     rt.filters.gradients.add(down, along, dst)
     if mask is not None:
         rt.filters.gradients.confine(rt.adopt(mask, bool), dst)
+    return rt.release(result)
+
+
+def _laplace_of_channels(
+    image: Any, mode: str, cval: float, channel_axis: int, batch_axis: int | None
+) -> Any:
+    """Return the Laplacian of each channel."""
+    down, along = (
+        separable(image, taps, mode, cval, channel_axis, batch_axis)
+        for taps in ((_BEND, _HERE), (_HERE, _BEND))
+    )
+    rt = runtime(down)
+    shape = tuple(down.shape)
+    flat = math.prod(shape[:-1]), shape[-1]
+    result = rt.empty(shape)
+    rt.filters.gradients.add(*(rt.adopt(a, shape=flat) for a in (down, along, result)))
     return rt.release(result)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import (
+    check_axes,
     check_code,
     check_colors,
     check_disparities,
@@ -36,6 +37,7 @@ def stereo_cost(
     neighborhood: int | tuple[int, int] = (7, 9),
     spacing: int = 1,
     channel_axis: int | None = None,
+    batch_axis: int | None = None,
 ) -> Any:
     """Compute the cost of matching each pixel with each candidate pixel of the other image.
 
@@ -44,7 +46,7 @@ def stereo_cost(
 
     Parameters
     ----------
-    left, right : array of shape (H, W) or (H, W, C)
+    left, right : array of shape (H, W) or (H, W, C), or stacks of them
         A rectified pair. uint8 is compared in integers, any other real dtype in float32.
     disparities : (int, int)
         The first disparity d, and the one after the last, as in :class:`range`; both may be
@@ -74,11 +76,13 @@ def stereo_cost(
     spacing : int, default 1
         Distance of the neighbours of a census, in pixels; 1 to 16.
     channel_axis : int, optional
-        Axis of the channels; by default the last of (H, W, 3 or 4).
+        Axis of the channels; by default the last of (H, W, 3 or 4), and of a stack with four axes.
+    batch_axis : {0}, optional
+        Axis of the pairs in two stacks, (N, H, W) or with channels.
 
     Returns
     -------
-    array of shape (H, W, D)
+    array of shape (H, W, D), or (N, H, W, D) of stacks
         ``costs[y, x, k]`` is the cost of the disparity ``disparities[0] + k``. For uint8 images,
         and for a census of any images, the dtype is uint8 or uint16 if it holds every possible
         cost; otherwise float32. 'zncc' is float32.
@@ -120,15 +124,22 @@ def stereo_cost(
     >>> cvkern.stereo_cost(left, right, (0, 3), cost="sad", window=1)[0, 2]
     array([50,  0, 70], dtype=uint8)
     """
-    left = check_image(left, ndim=(2, 3), name="left")
-    right = check_image(right, ndim=(2, 3), name="right")
+    ranks = (2, 3) if batch_axis is None else (3, 4)
+    left = check_image(left, ndim=ranks, name="left")
+    right = check_image(right, ndim=ranks, name="right")
     if tuple(left.shape) != tuple(right.shape):
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
-    axis = check_colors(left.shape, channel_axis)
-    sizes = [n for i, n in enumerate(left.shape) if i != axis]
-    height, width, channels = shape = (*sizes, 1 if axis is None else left.shape[axis])
+    one_shape, stack = tuple(left.shape), ()
+    if batch_axis is None:
+        axis = check_colors(one_shape, channel_axis)
+    else:
+        last = -1 if channel_axis is None and len(one_shape) == 4 else channel_axis
+        axis = check_axes(one_shape, last, batch_axis)
+        stack, one_shape = one_shape[:1], one_shape[1:]
+    sizes = [n for i, n in enumerate(one_shape) if i != axis]
+    height, width, channels = shape = (*sizes, 1 if axis is None else one_shape[axis])
     first, stop = check_disparities(disparities, width)
     code = check_code(cost, Cost, "cost")
     census = code in (Cost.CENSUS, Cost.CENSUS_SYMMETRIC)
@@ -148,7 +159,7 @@ def stereo_cost(
     if integral and most >= 2**31:
         raise ValueError(f"window must keep the sums of integers below 2^31, got up to {most}")
     result = _result_dtype(most) if integral and code != Cost.ZNCC else np.dtype(np.float32)
-    volume = (height, width, stop - first)
+    volume = (*stack, height, width, stop - first)
     if math.prod(volume) > MAX_COSTS:
         size = " x ".join(map(str, volume))
         needed = math.prod(volume) * result.itemsize
@@ -157,27 +168,55 @@ def stereo_cost(
         )
     rt = runtime(left, right)
     one, other = (
-        rt.adopt(image if axis in (None, 2) else lib.last(image, axis), dtype, shape)
+        rt.adopt(
+            image if axis in (None, 2) else lib.last(image, axis + len(stack)),
+            dtype,
+            (*stack, *shape),
+        )
         for lib, image in zip(libraries, (left, right), strict=True)
     )
     costs = rt.empty(volume, result)
     target = rt.adopt(costs, result)
+    measure = _Measure(code, first, radii, around, spacing, bits)
+    if stack:
+        for n in range(stack[0]):
+            _fill(rt, measure, one[n], other[n], target[n], result)
+    else:
+        _fill(rt, measure, one, other, target, result)
+    return rt.release(costs)
+
+
+class _Measure(NamedTuple):
+    """The checked options of :func:`stereo_cost`."""
+
+    code: Cost
+    first: int
+    radii: tuple[int, int]
+    around: tuple[int, int]
+    spacing: int
+    bits: int
+
+
+def _fill(
+    rt: Runtime, measure: _Measure, one: Any, other: Any, target: Any, dtype: np.dtype
+) -> None:
+    """Fill the costs of one pair of kernel arrays (H, W, C)."""
+    code, first, radii, around, spacing, bits = measure
     if code == Cost.ZNCC:
         rt.stereo.costs.correlation.correlation(one, other, first, *radii, target)
-    elif not census:
+    elif code not in (Cost.CENSUS, Cost.CENSUS_SYMMETRIC):
         rt.stereo.costs.windows.window_costs(one, other, first, code, 1, *radii, target)
     else:
         symmetric = code == Cost.CENSUS_SYMMETRIC
         one = census_words(rt, "stereo_cost.left", one, around, spacing, symmetric)
         other = census_words(rt, "stereo_cost.right", other, around, spacing, symmetric)
-        if area == 1 and result == np.uint8:
+        if radii == (0, 0) and dtype == np.uint8:
             rt.stereo.costs.census.hamming(one, other, first, target)
         else:
             octets = -(-bits // 8)
             rt.stereo.costs.windows.window_costs(
                 one, other, first, Cost.CENSUS, octets, *radii, target
             )
-    return rt.release(costs)
 
 
 def census_words(

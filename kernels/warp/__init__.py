@@ -88,9 +88,9 @@ def adopt(array: np.ndarray, dtype: np.dtype, shape: tuple[int, ...], device: st
     """View a contiguous host array for kernels, bool as uint8; copy it if the device is a GPU."""
     if device == "cpu":
         return view(array.__array_interface__["data"][0], array, dtype, shape, device)
+    _replays.spoil()
     there = wp.array(array, device=device)
-    wp.synchronize_stream(there.device.stream)  # the kernels may run on another stream
-    return view(there.ptr or 0, there, dtype, shape, device)
+    return view(there.ptr or 0, _streams.lend(there), dtype, shape, device)
 
 
 def view(
@@ -124,7 +124,8 @@ def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
         room = np.zeros(size + _LINE, np.uint8)
         begin = -room.ctypes.data % _LINE
         return adopt(room[begin : begin + size].view(dtype), dtype, shape, device)
-    array = empty(shape, dtype, device)
+    there = empty(shape, dtype, device)
+    array = view(there.ptr or 0, _streams.lend(there), dtype, shape, device)
     clear(array)
     return array
 
@@ -136,6 +137,7 @@ def scratch(name: str, shape: tuple[int, ...], dtype: np.dtype, device: str) -> 
 
 def write(array: wp.array, values: np.ndarray) -> None:
     """Copy contiguous host values of its shape and dtype into `array`; wait for that on CUDA."""
+    _replays.spoil()
     host = adopt(values, values.dtype, values.shape, "cpu")
     stream = _streams.current_stream(array.device) if array.device.is_cuda else None
     wp.copy(array, host, stream=stream)
@@ -145,6 +147,7 @@ def write(array: wp.array, values: np.ndarray) -> None:
 
 def clear(array: wp.array) -> None:
     """Fill `array` with 0, in order with the kernels."""
+    _replays.spoil()
     if array.device.is_cuda:
         # By default Warp would wait for its own stream here, which a graph cannot record.
         with wp.ScopedStream(_streams.current_stream(array.device), sync_enter=False):
@@ -157,6 +160,7 @@ def to_numpy(array: wp.array) -> np.ndarray:
     """Wait for the kernels that fill `array`, then copy it to the host (a view on the CPU)."""
     if not array.device.is_cuda:
         return array.numpy()
+    _replays.spoil()
     stream = _streams.current_stream(array.device)
     found = _pages.empty(array.shape, np.dtype(wp.dtype_to_numpy(array.dtype)))
     if found.nbytes > _scratch.PAGE:
@@ -200,6 +204,8 @@ def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) 
 
 
 own_scratch = _scratch.own_scratch
+noting = _replays.noting
+plan_of = _replays.plan_of
 MATRIX_DTYPES = {"cpu": "float32", "cuda": "float16"}
 
 

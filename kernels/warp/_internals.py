@@ -122,6 +122,25 @@ class _QuickCommand:
         self._command.launch(stream)
 
 
+class PackedLaunch:
+    """A launch whose arguments are packed once; only documented in parts, so for `QUICK` alone."""
+
+    def __init__(
+        self, kernel: wp.Kernel, dim: Any, arguments: Sequence[Any], device: wp.Device, block: int
+    ):
+        self._command = wp.launch(
+            kernel, dim, arguments, device=device, record_cmd=True, block_dim=block
+        )
+        self.launch = self._command.launch
+
+    def descriptor(self, i: int, array: wp.array) -> Any:
+        """Give argument `i`, an array, a descriptor of its own, whose `data` is its address."""
+        given = array.__ctype__()
+        own = type(given).from_buffer_copy(given)
+        self._command.set_param_at_index_from_ctype(i, own)
+        return own
+
+
 view_at = _quick_view_at if QUICK else _plain_view_at
 Command = _QuickCommand if QUICK else _PlainCommand
 

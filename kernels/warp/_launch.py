@@ -13,6 +13,7 @@ import warp as wp
 from cvkern.kernels._threads import cpu_threads
 
 from ._internals import Command, load
+from ._replays import note
 from ._scratch import scratch, view
 from ._streams import current_stream
 
@@ -153,7 +154,9 @@ def _send(
             threads = 1 if device.is_cpu else block
             _load(kernel, device, threads)
             command = kept[key] = Command(kernel, dim, arguments, device, threads)
-    command.launch(dim, arguments, current_stream(device) if device.is_cuda else None)
+    stream = current_stream(device) if device.is_cuda else None
+    note(kernel, dim, arguments, device, 1 if device.is_cpu else block, stream)
+    command.launch(dim, arguments, stream)
 
 
 def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:

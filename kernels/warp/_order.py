@@ -5,6 +5,7 @@ import warp as wp
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 _BELOW_SIGN = wp.constant(0x7FFFFFFF)
+_HALF = wp.constant(wp.int64(2**31))
 
 
 @wp.func
@@ -14,3 +15,9 @@ def ordered(bits: int) -> int:
     The bits of negative numbers below the sign are inverted.
     """
     return wp.where(bits < 0, bits ^ _BELOW_SIGN, bits)
+
+
+@wp.func
+def key_of(value: float) -> wp.int64:
+    """Return an integer above 0 and below 2^32, of the same order as finite values."""
+    return wp.int64(ordered(wp.cast(value, wp.int32))) + _HALF

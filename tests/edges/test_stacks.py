@@ -1,5 +1,7 @@
 """Edges of a stack of images: equal to those of each image alone, in every bit."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from skimage import data
@@ -77,3 +79,24 @@ def test_cuda(gpu):
                 got = cvkern.canny(torch.from_numpy(images).cuda(), **options, batch_axis=0)
                 want = alone(images, **options)
                 np.testing.assert_array_equal(got.cpu().numpy(), want, err_msg=name)
+
+
+@pytest.mark.filterwarnings("ignore:no edge was found")
+def test_subpixel_edges_of_a_stack_are_those_of_each_image(backend):
+    """A stack gives a list, whose items have lengths of their own; one of them is empty."""
+    for picture in (data.camera()[90:], data.astronaut()[:90]):
+        images = np.stack([picture[:60, 200:268], picture[:60, :68] * 0, picture[20:80, 210:278]])
+        choices: list[dict[str, Any]] = [
+            {"low_threshold": 4, "high_threshold": 9},
+            {"use_quantiles": True, "low_threshold": 0.8, "high_threshold": 0.9},
+        ]
+        for options in choices:
+            got = cvkern.subpixel_edges(images, **options, batch_axis=0)
+            want = [cvkern.subpixel_edges(image, **options) for image in images]
+            assert isinstance(got, list)
+            assert [len(w.strength) > 0 for w in want] == [True, False, True]
+            for one, alone_ in zip(got, want, strict=True):
+                for a, b in zip(one, alone_, strict=True):
+                    np.testing.assert_array_equal(a, b)
+    with pytest.raises(ValueError, match=r"batch_axis must be in \[0, 0\], got 1"):
+        cvkern.subpixel_edges(images, batch_axis=1)

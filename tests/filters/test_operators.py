@@ -96,9 +96,28 @@ def test_masks_of_stacks_and_colours(backend):
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(ValueError, match=r"image must be grey, got a colour image of shape"):
+    with pytest.raises(ValueError, match="image must be grey, or have a channel_axis, got"):
         cvkern.laplace(np.zeros((4, 5, 3)))
     with pytest.raises(ValueError, match=r"mask must have shape \(4, 5\), got \(5, 4\)"):
         cvkern.sobel(np.zeros((4, 5)), np.ones((5, 4)))
     with pytest.raises(ValueError, match=r"mask must have shape \(2, 4, 5\), got \(4, 5\)"):
         cvkern.laplace(np.zeros((2, 4, 5)), mask=np.ones((4, 5)), batch_axis=0)
+    with pytest.raises(ValueError, match="mask must be None with channel_axis, got one"):
+        cvkern.laplace(np.zeros((4, 5, 3)), mask=np.ones((4, 5)), channel_axis=-1)
+
+
+@pytest.mark.parametrize("axis", [-1, 0, 1])
+@pytest.mark.parametrize("mode", MODES)
+def test_laplace_of_channels(backend, mode, axis):
+    """Each channel is treated alone, in every bit."""
+    planes = np.stack([noise(20, 33), noise(20, 33)[::-1], noise(20, 33)[:, ::-1]])
+    want = np.stack([cvkern.laplace(plane, mode=mode, cval=0.7) for plane in planes])
+    image = np.moveaxis(planes, 0, axis)
+    got = cvkern.laplace(image, mode=mode, cval=0.7, channel_axis=axis)
+    np.testing.assert_array_equal(got, np.moveaxis(want, 0, axis))
+    stack = np.stack([image, image[..., ::-1]])
+    got = cvkern.laplace(
+        stack, mode=mode, channel_axis=axis if axis < 0 else axis + 1, batch_axis=0
+    )
+    alone = [cvkern.laplace(one, mode=mode, channel_axis=axis) for one in stack]
+    np.testing.assert_array_equal(got, np.stack(alone))

@@ -249,3 +249,13 @@ def test_errors(no_kernel_runs):
     refused(
         TypeError, "shape must be an integer, got 2.5", cvkern.detect_chessboard, picture, (3, 2.5)
     )
+
+
+def test_a_stack_gives_a_list(backend):
+    """One result for each photograph; None where there is no board."""
+    board = np.kron(np.indices((5, 6)).sum(axis=0) % 2, np.ones((20, 20))) * 200
+    stack = np.stack([np.pad(board, 25, constant_values=220), np.full((150, 170), 90.0)])
+    got = cvkern.detect_chessboard(stack, SHAPE, batch_axis=0)
+    assert got[1] is None
+    np.testing.assert_array_equal(got[0], cvkern.detect_chessboard(stack[0], SHAPE))
+    assert got[0].shape == (20, 2)

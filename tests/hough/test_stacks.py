@@ -1,9 +1,12 @@
 """Votes of a stack of masks: those of each mask alone, in every bit."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 import cvkern
+from tests.calls import fields
 
 SHAPES = [(3, 30, 41), (4, 7, 70), (2, 1, 1)]
 LINES = {
@@ -107,3 +110,47 @@ def test_cuda(gpu):
                 }
                 got = call(torch.from_numpy(found).cuda(), **there, batch_axis=0)
                 np.testing.assert_array_equal(got.cpu().numpy(), want, err_msg=name)
+
+
+def scenes(channels=()):
+    """Return three pictures: a disc and a turned square, neither of them, and the disc alone."""
+    y, x = np.mgrid[:90, :120]
+    disc = np.hypot(y - 40, x - 35) < 22
+    square = np.maximum(np.abs(y - 50 + 0.3 * (x - 90)), np.abs(x - 90 - 0.3 * (y - 50))) < 20
+    grey = np.stack([30 + 150 * (disc | square), np.full((90, 120), 30), 30 + 150 * disc])
+    shape = (*grey.shape, *([1] * len(channels)))
+    return np.broadcast_to(grey.reshape(shape), (*grey.shape, *channels)).astype(np.uint8)
+
+
+DETECTORS = {
+    "detect_lines": {"min_votes": 8.0},
+    "detect_segments": {"min_length": 15.0},
+    "detect_circles": {"radius_range": (10, 30)},
+    "detect_ellipses": {"axis_range": (10, 30)},
+}
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+@pytest.mark.parametrize("name", DETECTORS)
+def test_detectors_return_a_list(backend, name, channels):
+    call, images = partial(getattr(cvkern, name), **DETECTORS[name]), scenes(channels)
+    got, want = call(images, batch_axis=0), [call(image) for image in images]
+    assert isinstance(got, list)
+    assert len(fields(want[0])[0]) > 0
+    assert not len(fields(want[1])[0])
+    for one, other in zip(got, want, strict=True):
+        for a, b in zip(fields(one), fields(other), strict=True):
+            np.testing.assert_array_equal(a, b)
+    with pytest.raises(ValueError, match=r"batch_axis must be in \[0, 0\], got 1"):
+        call(images, batch_axis=1)
+
+
+def test_shapes_of_several_scenes(backend):
+    images = scenes()
+    template, options = images[0, 22:80, 60:118], {"rotations": 4, "scales": [1.0, 1.1]}
+    got = cvkern.detect_shape(template, images, **options, batch_axis=0)
+    want = [cvkern.detect_shape(template, image, **options) for image in images]
+    assert [len(found.votes) for found in want][:2] == [1, 0]
+    for one, other in zip(got, want, strict=True):
+        for a, b in zip(one, other, strict=True):
+            np.testing.assert_array_equal(a, b)

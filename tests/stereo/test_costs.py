@@ -254,3 +254,20 @@ def test_slabs_do_not_show(monkeypatch):
     for cost, want in zip(COSTS, wanted, strict=True):
         got = cvkern.stereo_cost(left, right, (0, 50), cost=cost, window=7)
         np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize("cost", ["sad", "census", "zncc"])
+@pytest.mark.parametrize("shape", [(3, 9, 14), (2, 8, 13, 3)])
+def test_stacks(backend, cost, shape):
+    """The costs of a stack of pairs are those of each pair, in every bit."""
+    pairs = [pair(*shape[1:], seed=seed) for seed in range(shape[0])]
+    left, right = map(np.stack, zip(*pairs, strict=True))
+    got = cvkern.stereo_cost(left, right, (-2, 5), cost=cost, batch_axis=0)
+    want = [cvkern.stereo_cost(a, b, (-2, 5), cost=cost) for a, b in pairs]
+    np.testing.assert_array_equal(got, np.stack(want))
+    if len(shape) == 4:
+        one, other = (np.moveaxis(images, -1, 1) for images in (left, right))
+        got = cvkern.stereo_cost(one, other, (-2, 5), cost=cost, channel_axis=1, batch_axis=0)
+        np.testing.assert_array_equal(got, np.stack(want))
+    with pytest.raises(ValueError, match=r"batch_axis must be in \[0, 0\], got 1"):
+        cvkern.stereo_cost(left, right, (0, 4), batch_axis=1)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_rows_columns
+from cvkern._checks import check_integer, check_photograph, check_rows_columns
 from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern._stacks import one_by_one
 from cvkern.filters.linear import gaussian_taps
 from cvkern.geometry.cameras._chessboard_grid import Saddles, area, describe, found_board, grids
 from cvkern.kernels.codes.filters import Border
@@ -26,20 +27,23 @@ MOST_MOVE = 0.35  # share of the distance to the neighbours that a corner may be
 MOST_CORNERS = 1000  # along a side
 
 
-def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
+def detect_chessboard(image: Any, shape: tuple[int, int], *, batch_axis: int | None = None) -> Any:
     """Find the inner corners of a chessboard in a photograph.
 
     Parameters
     ----------
-    image : array of shape (H, W), (H, W, 3) or (H, W, 4)
+    image : array of shape (H, W), (H, W, 3) or (H, W, 4), or a stack of them
         A photograph of any real dtype. Colours become grey as in :func:`cvkern.images.luma`.
     shape : (int, int)
         Rows and columns of inner corners, where four squares meet: (6, 9) for a board of 7 x 10
         squares. Each at least 2. A board with other numbers is not found.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each image.
 
     Returns
     -------
-    array of shape (rows * columns, 2), float64, or None
+    array of shape (rows * columns, 2), float64, or None, or list of them
         Row and column in the image, row by row of the board. None if no complete board of this
         shape is visible. Among several boards the largest is returned.
 
@@ -85,10 +89,10 @@ def detect_chessboard(image: Any, shape: tuple[int, int]) -> Any:
     array([[39.5, 39.5],
            [39.5, 59.5]])
     """
-    image = check_image(image, ndim=(2, 3))
+    if batch_axis is not None:
+        return one_by_one(detect_chessboard, locals())
+    image = check_photograph(image)
     sides = tuple(image.shape)
-    if len(sides) == 3 and sides[2] not in (3, 4):
-        raise ValueError(f"image must have shape (H, W) or (H, W, 3 or 4), got {sides}")
     rows, columns = check_rows_columns(shape, "corners")
     rows = check_integer(rows, "shape", 2, MOST_CORNERS)
     columns = check_integer(columns, "shape", 2, MOST_CORNERS)

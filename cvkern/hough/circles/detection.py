@@ -17,6 +17,7 @@ from cvkern._checks import (
     check_sides,
 )
 from cvkern._runtime import Runtime, runtime
+from cvkern._stacks import one_by_one
 from cvkern.edges.masks import find_edges, photograph_options
 from cvkern.filters.channels import Planes, planes_of
 from cvkern.hough.circles.peaks import local_maxima
@@ -64,7 +65,8 @@ def detect_circles(
     polarity: str = "any",
     min_support: float = 0.5,
     min_distance: float | None = None,
-) -> Circles:
+    batch_axis: int | None = None,
+) -> Any:
     """Find the circles in a photograph.
 
     Each edge point votes for centres along its gradient, over the range of radii. All radii share
@@ -74,7 +76,7 @@ def detect_circles(
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
     radius_range : two floats
         Smallest and largest radius, in pixels; at least 3. If the smallest is 24 or more, the
@@ -92,10 +94,13 @@ def detect_circles(
         Smallest share of the perimeter that must be visible, in (0, 1].
     min_distance : float, optional
         Smallest distance between centres. By default the smallest radius.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each image, because their lengths differ.
 
     Returns
     -------
-    Circles
+    Circles, or list of them
         Named tuple of `centers` (N, 2), `radii` and `support` (N,), float32.
 
     Raises
@@ -131,6 +136,8 @@ def detect_circles(
     >>> circles.centers.round(), circles.radii.round()
     (array([[41., 38.]], dtype=float32), array([20.], dtype=float32))
     """
+    if batch_axis is not None:
+        return one_by_one(detect_circles, locals())
     image = check_photograph(image)
     height, width = check_sides(image.shape[:2], "image")
     low, high = check_range(radius_range, min(height, width), "radius_range")

@@ -15,6 +15,7 @@ from cvkern._checks import (
     check_sides,
 )
 from cvkern._runtime import Runtime, runtime
+from cvkern._stacks import one_by_one
 from cvkern.hough.circles.detection import check_range, check_support, distinct, edge_lines
 from cvkern.hough.ellipses.votes import between, paired
 from cvkern.kernels.codes.hough import MAX_BINS
@@ -51,7 +52,8 @@ def detect_ellipses(
     min_support: float = 0.6,
     min_distance: float | None = None,
     max_points: int = 1500,
-) -> Ellipses:
+    batch_axis: int | None = None,
+) -> Any:
     """Find the ellipses in a photograph.
 
     Two edge points whose gradients lie along the line between them are taken as the ends of a major
@@ -61,7 +63,7 @@ def detect_ellipses(
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
     axis_range : two floats
         Smallest minor and largest major semi-axis, in pixels; at least 3. If the smallest is 40 or
@@ -81,10 +83,13 @@ def detect_ellipses(
     max_points : int, default 1500
         If there are more edge points than this, only every second (third, ...) votes. The time for
         the votes grows with the square of this number, times the number of points along an ellipse.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each image, because their lengths differ.
 
     Returns
     -------
-    Ellipses
+    Ellipses, or list of them
         Named tuple of `centers` (N, 2), `axes` (N, 2), `orientation` (N,) and `support` (N,),
         float32.
 
@@ -119,6 +124,8 @@ def detect_ellipses(
     >>> found.centers.round(), found.axes.round()
     (array([[41., 58.]], dtype=float32), array([[40., 20.]], dtype=float32))
     """
+    if batch_axis is not None:
+        return one_by_one(detect_ellipses, locals())
     image = check_photograph(image)
     sides = check_sides(image.shape[:2], "image")
     low, high = check_range(axis_range, min(sides), "axis_range")

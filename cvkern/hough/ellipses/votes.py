@@ -20,6 +20,8 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.hough._points import check_at_points, mask_points
 from cvkern.kernels.codes.hough import MAX_BINS, EllipseBounds
 
+FIELDS = ("accumulator", "yc", "xc", "a", "b", "orientation")  # fields of scikit-image
+_TABLE = np.dtype({"names": FIELDS, "formats": ("intp", *5 * ("f8",))})
 UNDIRECTED = -1.0  # code in place of a squared sine: ignore directions
 
 
@@ -34,6 +36,34 @@ class EllipseVotes(NamedTuple):
     """Major and minor semi-axis in pixels, (N, 2) float32."""
     orientation: Any
     """Direction of the major axis, ``atan2(rows, columns)`` in (-pi / 2, pi / 2], (N,) float32."""
+
+    def table(self) -> np.ndarray:
+        """Return a structured array as :func:`skimage.transform.hough_ellipse` does.
+
+        Returns
+        -------
+        array of shape (N,), of NumPy
+            Its fields are `accumulator`, `yc`, `xc`, `a`, `b` and `orientation`, as
+            :func:`skimage.draw.ellipse_perimeter` takes them. `a` is the major semi-axis, which
+            runs down the rows at orientation 0; orientations are in [0, pi).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import cvkern
+        >>> found = cvkern.hough_ellipse(np.eye(5), 0)
+        >>> found.table().dtype.names
+        ('accumulator', 'yc', 'xc', 'a', 'b', 'orientation')
+        """
+        found = np.zeros(len(self.votes), _TABLE)
+        if len(found):
+            rt = runtime(*self)
+            dtypes = np.int32, np.float32, np.float32, np.float32
+            host = [rt.to_numpy(rt.adopt(a, d)) for a, d in zip(self, dtypes, strict=True)]
+            columns = host[0], *host[1].T, *host[2].T, np.mod(host[3] + np.pi / 2, np.pi)
+            for name, values in zip(FIELDS, columns, strict=True):
+                found[name] = values
+        return found
 
 
 def hough_ellipse(
@@ -77,7 +107,8 @@ def hough_ellipse(
     -------
     EllipseVotes
         Named tuple of `votes` (N,) int32, `centers` (N, 2), `axes` (N, 2) and `orientation` (N,)
-        float32: one ellipse for each pair with enough votes.
+        float32: one ellipse for each pair with enough votes. Its method `table` returns
+        scikit-image's structured array.
 
     Raises
     ------

@@ -167,7 +167,12 @@ def candidates(
 
 
 def scene_of(image: Any, orientation: Any, options: tuple, name: str) -> Scene:
-    """Return the edge points of an image, or of a mask with orientation."""
+    """Return the edge points of an image, or of a mask with orientation.
+
+    `cvkern.scale` passes a scene that it gathered from tiles.
+    """
+    if isinstance(image, Scene):
+        return image
     refuse_capture("points that the host counts")
     rt = runtime(image, orientation)
     shape = (int(image.shape[0]), int(image.shape[1]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from cvkern._checks import check_photograph
 from cvkern.hough.generalized.tables import SIGMA, r_table
-from cvkern.hough.generalized.votes import Shapes, generalized_hough
+from cvkern.hough.generalized.votes import generalized_hough
 
 
 def detect_shape(
@@ -24,14 +24,15 @@ def detect_shape(
     low_threshold: float | None = None,
     high_threshold: float | None = None,
     use_quantiles: bool = False,
+    batch_axis: int | None = None,
     **options: Any,
-) -> Shapes:
+) -> Any:
     """Find the shape of one picture in another, by :func:`r_table` and :func:`generalized_hough`.
 
     Parameters
     ----------
     template, scene : arrays of shape (H, W) or (H, W, C) with C in 3, 4
-        Any real dtype; colour as in :func:`cvkern.canny`.
+        Any real dtype; the scene may be a stack of them. Colour is read as in :func:`cvkern.canny`.
     reference
         As in :func:`r_table`.
     rotations : int or sequence of float, default 360
@@ -44,12 +45,15 @@ def detect_shape(
         Smallest share of the boundary that must be found in place.
     sigma, low_threshold, high_threshold, use_quantiles
         As in :func:`r_table`, for both pictures.
+    batch_axis : {0}, optional
+        Axis of the scenes in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each scene, because their lengths differ.
     **options
         The other options of :func:`generalized_hough`, except `orientation`.
 
     Returns
     -------
-    Shapes
+    Shapes, or list of them
         As :func:`generalized_hough`; of length 0 if the shape is not found.
 
     Raises
@@ -69,7 +73,7 @@ def detect_shape(
     """
     if "orientation" in options:
         raise TypeError("detect_shape takes pictures, got orientation: use generalized_hough")
-    scene = check_photograph(scene, "scene")
+    scene = check_photograph(scene, "scene", batch_axis)
     edges = {
         "sigma": sigma,
         "low_threshold": low_threshold,
@@ -77,13 +81,14 @@ def detect_shape(
         "use_quantiles": use_quantiles,
     }
     table = r_table(template, reference=reference, **edges)
-    return generalized_hough(
-        scene,
-        table,
-        rotations=rotations,
-        scales=np.linspace(0.8, 1.6, 17) if scales is None else scales,
-        num_peaks=num_peaks,
-        threshold=threshold,
+    search = {
+        "rotations": rotations,
+        "scales": np.linspace(0.8, 1.6, 17) if scales is None else scales,
+        "num_peaks": num_peaks,
+        "threshold": threshold,
         **edges,
         **options,
-    )
+    }
+    if batch_axis is None:
+        return generalized_hough(scene, table, **search)
+    return [generalized_hough(scene[n], table, **search) for n in range(scene.shape[0])]

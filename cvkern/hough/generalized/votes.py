@@ -10,7 +10,7 @@ import numpy as np
 from cvkern._checks import MAX_ELEMENTS, check_integer, check_number, check_photograph
 from cvkern._runtime import runtime
 from cvkern.hough.generalized._ballot import ballot_of, candidates, scene_of, voters_of
-from cvkern.hough.generalized._poses import Judge, Model
+from cvkern.hough.generalized._poses import Judge, Model, Scene
 from cvkern.hough.generalized.tables import SIGMA, RTable, check_table
 from cvkern.kernels.codes.hough import Cells
 
@@ -151,7 +151,7 @@ def generalized_hough(
     >>> np.degrees(found.rotation).round()
     array([-90.], dtype=float32)
     """
-    image = check_photograph(image)
+    image = image if isinstance(image, Scene) else check_photograph(image)
     options = sigma, low_threshold, high_threshold, use_quantiles
     table = check_table(table)
     threshold = check_number(threshold, "threshold", low=0)
@@ -231,7 +231,7 @@ use_quantiles, orientation_tolerance, cell, max_entries
     >>> votes.shape
     (2, 1, 15, 20)
     """
-    image = check_photograph(image)
+    image = image if isinstance(image, Scene) else check_photograph(image)
     options = sigma, low_threshold, high_threshold, use_quantiles
     table = check_table(table)
     ballot = ballot_of(

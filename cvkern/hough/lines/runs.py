@@ -37,6 +37,8 @@ class _Edges(NamedTuple):
     """Directions of the gradients, (N,) float32."""
     codes: Any
     """Codes of the directions, (N,) int32."""
+    none: Any
+    """-1 for each point: no line before the first, (N,) int32."""
     number: int
 
 
@@ -58,13 +60,14 @@ def find_segments(
     """Return the ends of segments (S, 4) of edges in an image of `size`; kernel arrays."""
     segments = [np.zeros((0, 4))]
     number = int(points.shape[0])
+    none = rt.send("runs.none", np.full(number, -1, np.int32))
     for turn in range(ROUNDS):
         if not number:
             break
         fixed = rt.scratch("runs.fixed", (number, 2), np.int32)
         codes = rt.scratch("runs.codes", (number,), np.int32)
         rt.hough.lines.runs.prepare(points, directions, float(SUBPIXEL), fixed, codes)
-        edges = _Edges(points, directions, codes, number)
+        edges = _Edges(points, directions, codes, none[:number], number)
         count = rt.send("runs.count", np.array([number], np.int32))
         least = DENSITY * rule.min_length
         theta, rho = vote_listed(rt, fixed, count, directions, size, least)
@@ -99,20 +102,23 @@ def _supported(
     if not len(theta):
         return _Runs(order, runs, chosen, 0)
     cosine, sine = np.cos(theta), np.sin(theta)
-    lines = rt.send("runs.lines", np.stack((cosine, sine, rho)).astype(np.float32))
-    exact = rt.send("runs.exact", np.stack((cosine, sine)))
-    normals = rt.send("runs.normals", codes_of(theta).astype(np.int32))
+    lines, exact, normals = rt.send_all(
+        "runs.lines",
+        np.stack((cosine, sine, rho)).astype(np.float32),
+        np.stack((cosine, sine)),
+        codes_of(theta).astype(np.int32),
+    )
     tolerance = math.floor(AIM * DIRECTION_FACTOR)
     labels = rt.scratch("runs.labels", (number,), np.int32)
     total = rt.scratch("runs.total", (1,), np.int32)
-    after = rt.send("runs.after", np.full(number, -1, np.int32))
+    after = rt.scratch("runs.after", (number,), np.int32)
     limits = rule.max_gap, rule.min_length
     module = rt.hough.lines.runs
     for change in range(changes + 1):
         if change:
             module.pass_on(labels, chosen, after)
         rt.hough.lines.segments.claim(
-            edges.points, edges.codes, after, lines, normals,
+            edges.points, edges.codes, after if change else edges.none, lines, normals,
             float(np.float32(rule.distance)), tolerance, labels,
         )  # fmt: skip
         module.cut(

@@ -19,7 +19,8 @@ from cvkern._checks import (
 from cvkern._runtime import Runtime, runtime
 from cvkern.edges.masks import photograph_options
 from cvkern.edges.quantiles import LINE_SHARES
-from cvkern.edges.subpixel import locate_edges
+from cvkern.edges.subpixel import SubpixelEdges, locate_edges
+from cvkern.filters.gradients import without_channels
 from cvkern.hough._points import mask_points
 from cvkern.hough.lines._support import (
     AIM,
@@ -193,7 +194,8 @@ def detect_lines(
     use_quantiles: bool = False,
     min_votes: float | None = None,
     distance: float = 1.0,
-) -> HoughLinePeaks:
+    batch_axis: int | None = None,
+) -> Any:
     """Find the straight lines of a photograph.
 
     Sub-pixel edges vote for lines across their gradients. Each peak is fitted robustly to the edges
@@ -201,7 +203,7 @@ def detect_lines(
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
@@ -215,10 +217,13 @@ def detect_lines(
         Smallest number of edge points of a line; by default a tenth of the image's diagonal.
     distance : float, default 1.0
         Largest distance of an edge point that is on a line, pixels.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each image, because their lengths differ.
 
     Returns
     -------
-    HoughLinePeaks
+    HoughLinePeaks, or list of them
         Named tuple of `votes` (K,) int32, the number of edge points on each line, most first, and
         of `theta` and `rho` (K,), the fitted lines, as NumPy arrays.
 
@@ -240,15 +245,23 @@ def detect_lines(
     >>> votes.tolist(), abs(theta).round(3).tolist(), rho.round(2).tolist()
     ([60], [0.0], [29.5])
     """
-    image = check_photograph(image)
-    size = check_sides(image.shape[:2], "image")
+    image = check_photograph(image, batch_axis=batch_axis)
+    size = check_sides(without_channels(image, batch_axis)[-2:], "image")
     distance = check_positive(distance, "distance")
     least = 0.1 * math.hypot(*size) if min_votes is None else check_positive(min_votes, "min_votes")
     options = photograph_options(
         image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
-    points, directions = (_on_host(rt, a, np.float32) for a in locate_edges(rt, image, options)[:2])
+    found = locate_edges(rt, image, options._replace(batch_axis=batch_axis))
+    results = [_lines_of(rt, edges, size, least, distance) for edges in found]
+    return results[0] if batch_axis is None else results
+
+
+def _lines_of(
+    rt: Runtime, edges: SubpixelEdges, size: tuple[int, int], least: float, distance: float
+) -> HoughLinePeaks:
+    points, directions = (_on_host(rt, a, np.float32) for a in edges[:2])
     lines = [np.zeros((0, 3))]
     for _ in range(len(points) + 1):  # each round but the last removes at least one point
         theta, rho = vote(rt, points, directions, size, least)
@@ -279,6 +292,7 @@ def detect_segments(
     min_length: float = 10.0,
     max_gap: float = 3.0,
     distance: float = 1.0,
+    batch_axis: int | None = None,
 ) -> Any:
     """Find the straight segments of a photograph's edges.
 
@@ -288,7 +302,7 @@ def detect_segments(
 
     Parameters
     ----------
-    image : array of shape (H, W) or (H, W, C) with C in 3, 4
+    image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
     sigma : float, default 1.0
         Standard deviation of the Gaussian under the edges, pixels.
@@ -304,10 +318,13 @@ def detect_segments(
         Largest gap between neighbouring edge points of a segment, pixels.
     distance : float, default 1.0
         Largest distance of an edge point from the line of a peak, pixels.
+    batch_axis : {0}, optional
+        Axis of the images in a stack, (N, H, W) or (N, H, W, 3 or 4). The result is then a list
+        with one result for each image, because their lengths differ.
 
     Returns
     -------
-    array of shape (N, 4), float32
+    array of shape (N, 4), float32, or list of them
         Row and column of one end, then of the other; the longest segment comes first. Seen from
         the first end towards the second, the brighter side is on the left.
 
@@ -328,8 +345,8 @@ def detect_segments(
     >>> cvkern.detect_segments(step).round(1)
     array([[ 0. , 29.5, 59. , 29.5]], dtype=float32)
     """
-    image = check_photograph(image)
-    size = check_sides(image.shape[:2], "image")
+    image = check_photograph(image, batch_axis=batch_axis)
+    size = check_sides(without_channels(image, batch_axis)[-2:], "image")
     min_length = check_positive(min_length, "min_length")
     max_gap = check_number(max_gap, "max_gap", low=0)
     distance = check_positive(distance, "distance")
@@ -337,14 +354,16 @@ def detect_segments(
         image, sigma, low_threshold, high_threshold, use_quantiles, automatic=LINE_SHARES
     )
     rt = runtime(image)
-    edges = locate_edges(rt, image, options)
     rule = Rule(min_length, max_gap, distance)
-    found = np.zeros((0, 4))
-    if len(edges.orientation):
-        given = rt.adopt(edges.points), rt.adopt(edges.orientation)
-        found = find_segments(rt, *given, size, rule)
-    length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
-    return rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32))
+    results = []
+    for edges in locate_edges(rt, image, options._replace(batch_axis=batch_axis)):
+        found = np.zeros((0, 4))
+        if len(edges.orientation):
+            given = rt.adopt(edges.points), rt.adopt(edges.orientation)
+            found = find_segments(rt, *given, size, rule)
+        length = np.hypot(found[:, 2] - found[:, 0], found[:, 3] - found[:, 1])
+        results.append(rt.give(found[np.argsort(-length, kind="stable")].astype(np.float32)))
+    return results[0] if batch_axis is None else results
 
 
 def _on_host(rt: Runtime, array: Any, dtype: Any) -> np.ndarray:

@@ -74,9 +74,10 @@ def hysteresis(states: wp.array, mask: wp.array) -> None:
     if states.device.is_cuda:
         words, mask_words = _words(states, mask)
         parents = scratch("hysteresis.parents", (size + 1,), wp.int32, states.device)
-        launch(cuda.plant, -(-size // 8), [states, words], [parents, mask, mask_words])
+        eights = -(-size // 8)
+        launch(cuda.plant, eights, [states, words], [parents, mask, mask_words])
         launch(cuda.merge, size, [states, height, width], [parents])
-        launch(cuda.select, size, [states, parents], [mask])
+        launch(cuda.select, eights, [states, words, parents], [mask])
         return
     count = slabs(height, size)
     if count > 1:  # edges cluster in parts of an image; smaller slabs balance the threads

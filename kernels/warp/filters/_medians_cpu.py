@@ -1,8 +1,9 @@
 """The median on the CPU: one thread per slab of rows, row by row.
 
-The value of rank r is the largest v with at most r window values below v. It is found bit by bit,
-from the highest bit. A slab keeps the rows of its window, with margins, and copies one new row for
-each row of the result. The counting is native, because it becomes vector code for 32 bytes at a
+Windows of 3 x 3 and 5 x 5 pixels go through networks of exchanges. In larger ones, the value of
+rank r is the largest v with at most r window values below v; it is found bit by bit, from the
+highest bit. A slab keeps the rows of its window, with margins, and copies one new row for each row
+of the result. Exchanges and counts are native, because they become vector code for 32 bytes at a
 time.
 """
 
@@ -33,7 +34,13 @@ def _median(scalar: Any) -> wp.Kernel:
     """Return the kernel for values of one type."""
     vector = wp.types.vector(WIDE, scalar)
 
-    @_native.func_native("_medians_cpu.h", SCALAR=scalar)
+    @_native.func_native(
+        "_medians_cpu.h",
+        SCALAR=scalar,
+        PIXEL=f"wp::{scalar.__name__} __attribute__((vector_size(32)))",
+        LEAST="__builtin_elementwise_min",
+        MOST="__builtin_elementwise_max",
+    )
     def median_row(
         slab: int,
         plane: int,
@@ -54,7 +61,7 @@ def _median(scalar: Any) -> wp.Kernel:
         src: wp.array3d[vector],  # (P, H, N - 63), N at least W step
         options: Options,
         # scratch
-        window: wp.array2d[scalar],  # (slabs (2 radius + 1), N + 2 radius step + 64)
+        window: wp.array2d[scalar],  # (2 slabs (2 radius + 1), N + 2 radius step + 64)
         wide: wp.array2d[vector],  # the same
         # outputs
         dst: wp.array3d[scalar],  # (P, H, W step)
@@ -74,7 +81,7 @@ def _median(scalar: Any) -> wp.Kernel:
             oldest = wp.where(row == first or y == 0, y - radius, y + radius)
             for v in range(oldest, y + radius + 1):
                 inside = border_index(v, height, options.border)
-                line = slab * size + (v + size) % size
+                line = 2 * slab * size + (v + size) % size
                 for begin in range(0, behind + WIDE, WIDE):
                     x = wp.min(begin, behind)
                     if inside < 0:

@@ -1,15 +1,16 @@
-"""The median on CUDA, one thread per element.
+"""The median on CUDA, one thread per element, or per four bytes.
 
 The value of rank r is the largest v with at most r window values below v. It is found bit by bit,
-from the highest bit. Small windows stay in registers.
+from the highest bit. Windows of 3 x 3 and 5 x 5 pixels stay in registers, and go through networks
+of exchanges.
 """
 
 from typing import Any
 
 import warp as wp
 
+from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._borders import border_index
-from cvkern.kernels.warp._order import ordered
 
 wp.set_module_options({"enable_backward": False, "max_unroll": 32})
 
@@ -61,22 +62,22 @@ def _median(scalar: Any) -> wp.Kernel:
     return median
 
 
-def _small_median(scalar: Any, radius: int) -> wp.Kernel:
-    """Return the kernel for values of one type and windows that stay in registers."""
+def _small_median(radius: int) -> wp.Kernel:
+    """Return the kernel for integers and windows that stay in registers."""
     side = 2 * radius + 1
-    count = side * side
-    registers = wp.types.vector(count, wp.int32)
+    registers = wp.types.vector(side * side, wp.int32)
+
+    @_native.func_native("_medians_cuda.cu", SIDE=side, PIXEL=wp.int32, LEAST="min", MOST="max")
+    def middle_of(window: registers) -> int: ...
 
     @wp.kernel
     def median(
-        src: wp.array3d[scalar],  # (P, H, W step)
+        src: wp.array3d[int],  # (P, H, W step)
         step: int,
-        low: int,
-        bits: int,
         border: int,
         cval: int,
         # outputs
-        dst: wp.array3d[scalar],
+        dst: wp.array3d[int],
     ):
         plane, row, column = wp.tid()
         pixel = column // step
@@ -87,46 +88,88 @@ def _small_median(scalar: Any, radius: int) -> wp.Kernel:
             for u in range(side):
                 x = border_index(pixel + u - radius, src.shape[2] // step, border)
                 if y >= 0 and x >= 0:
-                    window[t * side + u] = int(src[plane, y, x * step + channel])
-        found = low
-        for b in range(bits):
-            middle = found + (1 << (bits - 1 - b))
-            below = int(0)
-            for k in range(count):
-                below += wp.where(window[k] < middle, 1, 0)
-            if below <= count // 2:
-                found = middle
-        dst[plane, row, column] = scalar(found)
+                    window[t * side + u] = src[plane, y, x * step + channel]
+        dst[plane, row, column] = middle_of(window)
+
+    return median
+
+
+def _small_median_of_bytes(radius: int) -> wp.Kernel:
+    """Return the kernel for bytes and windows that stay in registers, four to a thread."""
+    side = 2 * radius + 1
+    registers = wp.types.vector(side * side, wp.uint32)
+
+    @_native.func_native(
+        "_medians_cuda.cu", SIDE=side, PIXEL=wp.uint32, LEAST="__vminu2", MOST="__vmaxu2"
+    )
+    def middles_of(window: registers) -> wp.uint32: ...
+
+    @_native.func_native("_medians_cuda.cu", PIXEL=wp.uint32, LEAST="__vminu2", MOST="__vmaxu2")
+    def four_at(src: wp.array3d[wp.uint8], plane: int, row: int, column: int) -> wp.uint32: ...
+
+    @wp.func
+    def window_at_border(
+        src: wp.array3d[wp.uint8],
+        plane: int,
+        row: int,
+        column: int,
+        size: int,
+        step: int,
+        border: int,
+        cval: int,
+    ) -> registers:
+        """Return a window that reaches outside, by short loops: their code would not fit unrolled.
+
+        `size` is `side`, which the compiler does not know.
+        """
+        window = registers()
+        for t in range(size):
+            y = border_index(row + t - size // 2, src.shape[1], border)
+            for u in range(size):
+                word = wp.uint32(0)
+                for k in range(4):
+                    at = column + k
+                    x = border_index(at // step + u - size // 2, src.shape[2] // step, border)
+                    byte = wp.uint32(cval)
+                    if y >= 0 and x >= 0:
+                        byte = wp.uint32(src[plane, y, x * step + at % step])
+                    word = word | (byte << wp.uint32(8 * k))
+                window[t * size + u] = word
+        return window
+
+    @wp.kernel
+    def median(
+        src: wp.array3d[wp.uint8],  # (P, H, W step)
+        size: int,
+        step: int,
+        border: int,
+        cval: int,
+        # outputs
+        dst: wp.array3d[wp.uint8],
+    ):
+        plane, row, quad = wp.tid()
+        column = 4 * quad
+        reach = radius * step
+        inside = row >= radius and row + radius < src.shape[1]
+        # Words around the bytes are read as well.
+        inside = inside and column >= reach + 4 and column + reach + 8 <= src.shape[2]
+        window = registers()
+        if inside:
+            for t in range(side):
+                for u in range(side):
+                    window[t * side + u] = four_at(
+                        src, plane, row + t - radius, column + (u - radius) * step
+                    )
+        else:
+            window = window_at_border(src, plane, row, column, size, step, border, cval)
+        found = middles_of(window)
+        for k in range(4):
+            if column + k < src.shape[2]:
+                dst[plane, row, column + k] = wp.uint8((found >> wp.uint32(8 * k)) & wp.uint32(255))
 
     return median
 
 
 medians = {scalar: _median(scalar) for scalar in (wp.uint8, wp.int32)}
-small_medians = {
-    (scalar, radius): _small_median(scalar, radius)
-    for scalar in (wp.uint8, wp.int32)
-    for radius in (1, 2)
-}
-
-
-@wp.kernel
-def keys_of_floats(
-    bits: wp.array[int],
-    # outputs
-    keys: wp.array[int],
-):
-    i = wp.tid()
-    b = bits[i]
-    if (b & 0x7FFFFFFF) > 0x7F800000:  # a NaN of any sign is placed above infinity
-        b = 0x7FC00000
-    keys[i] = ordered(b)
-
-
-@wp.kernel
-def floats_of_keys(
-    keys: wp.array[int],
-    # outputs
-    bits: wp.array[int],
-):
-    i = wp.tid()
-    bits[i] = ordered(keys[i])
+small_medians = {radius: _small_median(radius) for radius in (1, 2)}
+small_medians_of_bytes = {radius: _small_median_of_bytes(radius) for radius in (1, 2)}

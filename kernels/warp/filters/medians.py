@@ -10,6 +10,7 @@ from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._structs import struct_of
 
+from . import _keys
 from . import _medians_cpu as cpu
 from . import _medians_cuda as cuda
 
@@ -27,9 +28,12 @@ def median(
     """Find the median of each square window of uint8 or int32, by bisection of the values."""
     parameters = [step, low, bits, border, cval]
     if dst.device.is_cuda:
-        small = cuda.small_medians.get((src.dtype, radius))
-        if small is not None:
-            launch(small, src.shape, [src, *parameters], [dst])
+        if radius in cuda.small_medians and src.dtype is wp.uint8:
+            quads = (*src.shape[:2], -(-src.shape[2] // 4))
+            inputs = [src, 2 * radius + 1, step, border, cval]
+            launch(cuda.small_medians_of_bytes[radius], quads, inputs, [dst])
+        elif radius in cuda.small_medians:
+            launch(cuda.small_medians[radius], src.shape, [src, step, border, cval], [dst])
         else:
             launch(cuda.medians[src.dtype], src.shape, [src, radius, *parameters], [dst])
         return
@@ -42,7 +46,8 @@ def median(
     size = 2 * radius + 1
     count = slabs(rows, src.size * size**2)
     # Pixels are processed 64 at a time, so windows may reach this far beyond the end of a row.
-    lines = (count * size, stored + 2 * radius * step + 64)
+    # A slab has as many lines again for sorted columns.
+    lines = (2 * count * size, stored + 2 * radius * step + 64)
     window = scratch("median.window", lines, src.dtype, dst.device)
     inputs = [wide, struct_of(cpu.Options, (radius, *parameters)), window, vectors(window, vector)]
     launch_slabs(cpu.medians[src.dtype], rows, count, inputs, [dst])
@@ -51,10 +56,10 @@ def median(
 def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
     """Convert bits of floats to integers of the same order: invert negative ones below the sign."""
     flat = (bits.size,)
-    launch(cuda.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
+    launch(_keys.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
 
 
 def floats_of_keys(keys: wp.array, bits: wp.array) -> None:
     """Undo `keys_of_floats`."""
     flat = (keys.size,)
-    launch(cuda.floats_of_keys, flat, [keys.reshape(flat)], [bits.reshape(flat)])
+    launch(_keys.floats_of_keys, flat, [keys.reshape(flat)], [bits.reshape(flat)])

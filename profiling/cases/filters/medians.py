@@ -28,7 +28,6 @@ CASES = (
         tolerance=0.0,
         bytes_per_pixel=2,
         operations_per_pixel=2 * 99,  # a sorting network of 99 exchanges
-        captures=False,
         peers=(
             Peer("OpenCV", "cv2", lambda m, x: m.medianBlur(x, 5)),
             *ndimage_peers(_median),

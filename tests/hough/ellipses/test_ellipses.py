@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+import scipy.ndimage
 import skimage.data
 import skimage.draw
+import skimage.transform
 
 import cvkern
 import cvkern.images
@@ -232,3 +234,28 @@ def test_the_photograph_is_not_needed_as_numpy(backend):
     assert all(isinstance(a, torch.Tensor) for a in found)
     for a, b in zip(found, cvkern.detect_ellipses(image, (15, 100)), strict=True):
         np.testing.assert_array_equal(a.numpy(), b)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5, 1.2, -0.7, np.pi / 2])
+def test_the_table_draws_the_ellipse(backend, turn):
+    """Scikit-image's fields, which its function for drawing takes."""
+    found = cvkern.hough_ellipse(drawn((80, 90), 40, 44, 30, 14, turn), threshold=40)
+    table = found.table()
+    disc = drawn((12, 12), 6, 6, 4, 3, 0)
+    assert table.dtype == skimage.transform.hough_ellipse(disc, threshold=1, accuracy=2).dtype
+    assert len(table) == len(found.votes) > 0
+    np.testing.assert_array_equal(table["accumulator"], found.votes)
+    assert (table["orientation"] >= 0).all()
+    assert (table["orientation"] < np.pi).all()
+    _, row, column, major, minor, orientation = table[0].tolist()
+    sides = (round(v) for v in (row, column, major, minor))
+    rows, columns = skimage.draw.ellipse_perimeter(*sides, orientation=orientation)
+    near = drawn((80, 90), 40, 44, 30, 14, turn)
+    away = np.asarray(scipy.ndimage.distance_transform_edt(~near))
+    assert (
+        away[rows, columns].max() <= 2.5
+    )  # whole pixels of the centre and the axes, and half a degree
+
+
+def test_the_table_of_nothing_is_empty(backend):
+    assert len(cvkern.hough_ellipse(np.zeros((9, 9)), 4).table()) == 0
