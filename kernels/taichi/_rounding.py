@@ -3,7 +3,8 @@
 On CUDA, Taichi 1.7 marks all its code "unsafe-fp-math", even without its option `fast_math`. Then a
 product followed by a sum becomes a fused multiply-add, and division and square root become
 approximations. Other operations (sums, single products, comparisons) follow IEEE everywhere, except
-that Taichi treats numbers below 1.2e-38 as zero. The argument `zero` is always 0.
+that Taichi treats numbers below 1.2e-38 as zero where `_denormals.py` does not prevent that. The
+argument `zero` is always 0.
 """
 
 import taichi as ti

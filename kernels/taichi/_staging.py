@@ -14,6 +14,9 @@ import taichi as ti
 from taichi.lang import kernel_impl
 from taichi.lang.util import to_taichi_type
 
+# Kernels whose results were wrong with Vulkan on an NVIDIA GPU.
+WRONG = {"cvkern.kernels.taichi.features.keypoints.descriptors": "descriptors of SIFT"}
+
 _stages: list["Stage"] = []  # the stage of the primitive that runs
 
 
@@ -112,6 +115,11 @@ def stage() -> Stage:
 
 def launch(primitive: Callable[..., None], args: tuple, kwargs: dict[str, Any]) -> None:
     """Run a primitive on arrays of the host; Taichi's lock must be held."""
+    if primitive.__module__ in WRONG:
+        raise RuntimeError(
+            f"device must be 'cpu' or 'cuda' for {WRONG[primitive.__module__]}, "
+            "which Vulkan computed wrongly"
+        )
     if _stages:  # a primitive that another one is made of
         primitive(*args, **kwargs)
         return
@@ -121,6 +129,13 @@ def launch(primitive: Callable[..., None], args: tuple, kwargs: dict[str, Any]) 
     try:
         primitive(*args, **kwargs)
         here.finish()
+    except RuntimeError as error:
+        if "spirv_codegen" in str(error):
+            raise RuntimeError(
+                "device must be one with functions of float64, such as sines, which Vulkan and "
+                "Metal lack: use 'cpu' or 'cuda'"
+            ) from error
+        raise
     finally:
         kernel_impl.Kernel.__call__ = run
         _stages.pop()

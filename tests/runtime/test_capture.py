@@ -73,9 +73,18 @@ def test_a_replay_keeps_the_kernel_set_of_its_capture():
     assert set(used) == {"taichi"}
 
 
+def test_the_median_of_bytes_is_captured(backend):
+    image = np.random.default_rng(0).integers(0, 256, (20, 30)).astype(np.uint8)
+    replay = cvkern.capture(cvkern.median, image, 2)
+    image[...] = image[::-1]
+    np.testing.assert_array_equal(replay(), cvkern.median(image, 2))
+    with pytest.raises(ValueError, match="got median of another dtype than uint8, or above"):
+        cvkern.capture(cvkern.median, image, 8)
+
+
 @pytest.mark.parametrize("name", ["median", "subpixel_edges"])
 def test_what_is_not_kernels_alone_is_refused(backend, name):
-    image = blobs(20, 30)
+    image = blobs(20, 30).astype(np.float32)
     with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got "):
         cvkern.capture(CALLS[name], image)
     for field in fields(CALLS[name](image)):  # and nothing of the attempt is left

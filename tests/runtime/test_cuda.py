@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 import cvkern
-from cvkern.kernels.warp import _pages
+from cvkern.kernels.warp import _pages, _streams
 from tests.calls import TABLE, fields
 from tests.on_cuda import (
     LIBRARIES,
@@ -228,6 +229,35 @@ def test_a_call_does_not_wait(name):
     for one in kept:
         for a, b in zip(fields(one), fields(kept[0]), strict=True):
             assert torch.equal(a, b)
+
+
+def test_copies_of_host_operands_live_as_long_as_kernels_read_them(backend):
+    """Memory that is freed too early is given at once to those who allocate the same size."""
+    torch = pytest.importorskip("torch")
+    image = noise((300, 400))
+    places = np.indices(image.shape).astype(np.float32)
+    given, stream = torch.from_numpy(image).cuda(), torch.cuda.Stream()
+    cvkern.remap(given, places)
+    for _ in range(5):
+        torch.cuda.synchronize()
+        with torch.cuda.stream(stream):
+            torch.cuda._sleep(TENTH_OF_A_SECOND)
+            got = cvkern.remap(given, places)
+        others = [wp.zeros(places.shape, dtype=wp.float32, device="cuda:0") for _ in range(4)]
+        torch.cuda.synchronize()
+        del others
+        np.testing.assert_array_equal(got.cpu().numpy(), image)
+
+
+def test_lent_memory_is_freed():
+    torch = pytest.importorskip("torch")
+    given = torch.from_numpy(noise()).cuda()
+    with cvkern.use(backend="warp"), torch.cuda.stream(torch.cuda.Stream()):
+        for _ in range(20):
+            cvkern.remap(given, np.indices(given.shape))
+            torch.cuda.synchronize()
+    assert len(_streams._returned) <= 2
+    assert not _streams._recorded
 
 
 def test_two_streams_do_not_share_memory(backend):

@@ -13,6 +13,7 @@ import pytest
 import warp as wp
 
 import cvkern
+from cvkern import _memory
 from cvkern.kernels.warp import _scratch
 from tests.calls import noise
 
@@ -176,3 +177,35 @@ def test_not_within_a_captured_call():
 
     with pytest.raises(ValueError, match=r"^captured functions must be kernels alone, got rele"):
         cvkern.capture(call, noise(9, 9))
+
+
+def test_results_use_memory_again():
+    """Once nothing refers to a result, a later one of its size has its memory, without faults."""
+    cvkern.release_memory()
+    image = np.random.default_rng(0).random((600, 700), np.float32)
+    first = cvkern.gaussian(image, 1.0)
+    place, part = first.ctypes.data, first[3:9, 5:].T
+    want = part.copy()
+    second = cvkern.gaussian(image, 2.0)
+    assert second.ctypes.data != place
+    del first
+    assert cvkern.gaussian(image, 3.0).ctypes.data != place  # a view still refers to it
+    np.testing.assert_array_equal(part, want)
+    del part
+    third = cvkern.gaussian(image, 3.0)
+    assert third.ctypes.data == place
+    np.testing.assert_array_equal(second, cvkern.gaussian(image, 2.0))
+
+
+def test_kept_results_are_limited_and_released(monkeypatch):
+    cvkern.release_memory()
+    monkeypatch.setattr(_memory, "_MOST", 5 << 20)
+    images = [np.zeros((512, 512 + 16 * n), np.float32) for n in range(9)]
+    for image in images:
+        cvkern.box(image)
+    sizes = [room for room, free in _memory._free.items() for _ in free]
+    assert 3 <= len(sizes) <= 5
+    assert sum(sizes) <= 5 << 20
+    assert max(sizes) >= images[-1].nbytes  # the last one is kept, the first are not
+    cvkern.release_memory()
+    assert not _memory._free

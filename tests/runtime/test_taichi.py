@@ -11,6 +11,7 @@ import pytest
 
 import cvkern.kernels.taichi as kernels
 from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.taichi._denormals import can_keep_denormals
 from cvkern.kernels.taichi.filters import linear
 from tests.filters import reference_linear as reference
 
@@ -66,6 +67,7 @@ def test_four_threads_at_once():
 def test_first_launch_on_another_thread_than_start():
     code = """
 import threading, numpy as np, cvkern.kernels.taichi as kernels
+from cvkern.kernels.taichi._denormals import can_keep_denormals
 from cvkern.kernels.taichi.filters import linear as filters
 starter = threading.Thread(target=kernels.start, args=("cpu",))
 starter.start(); starter.join()
@@ -133,6 +135,22 @@ gradients.root_mean_square(a, a, a.copy())
 assert np.sqrt(np.full(9, 1e-45, np.float32)).all()
 """
     assert run(code) == (0, "", "")
+
+
+@pytest.mark.skipif(not can_keep_denormals(), reason="known to work only with glibc on x86-64")
+@pytest.mark.parametrize("threads", [1, 2, 5])
+def test_denormal_numbers_stay_in_kernels(threads):
+    code = """
+import numpy as np, cvkern.kernels.taichi as kernels
+from cvkern.kernels.taichi.filters import gradients
+kernels.start("cpu")
+a = np.full(2**16, 1e-39, np.float32)
+for _ in range(20):
+    out = np.zeros_like(a)
+    gradients.add(a, a, out)
+    assert np.array_equal(out, a + a)
+"""
+    assert run(code, CVKERN_NUM_THREADS=str(threads)) == (0, "", "")
 
 
 def test_other_code_keeps_its_taichi():

@@ -1,0 +1,127 @@
+"""Calls that are repeated by their launches alone, here with Warp's arrays on the CPU."""
+
+import threading
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+import cvkern
+from cvkern import _plans
+from cvkern.kernels.warp import _replays as launches
+from tests.calls import fields
+
+CALLS = {
+    "gaussian": lambda x: cvkern.gaussian(x, 1.5),
+    "axis": lambda x: cvkern.gaussian(x, 1.5, order=1),
+    "box": lambda x: cvkern.box(x, 2, mode="wrap"),
+    "gradient": lambda x: cvkern.gradient(x, sigma=2.0),
+    "sobel": lambda x: cvkern.sobel(x),
+    "laplace": lambda x: cvkern.laplace(x),
+    "canny": lambda x: cvkern.canny(x, 1.0, 0.2, 0.5),
+    "quantiles": lambda x: cvkern.canny(x, 1.0, 0.7, 0.9, use_quantiles=True),
+}
+
+
+@pytest.fixture
+def planned(monkeypatch):
+    """Plan calls on arrays of the CPU too; return how often launches were repeated."""
+    monkeypatch.setattr(
+        _plans,
+        "_place_of",
+        lambda a: (a.shape, a.dtype, (a.ptr or 0) % 64) if isinstance(a, wp.array) else None,
+    )
+    monkeypatch.setattr(_plans, "_thread", _plans._Thread())
+    repeated = []
+    launch = launches.Plan.launch
+    monkeypatch.setattr(
+        launches.Plan, "launch", lambda self, a: repeated.append(len(a)) or launch(self, a)
+    )
+    with cvkern.use(backend="warp"):
+        yield repeated
+
+
+def noise(seed, shape=(40, 64)):
+    return np.random.default_rng(seed).random(shape, np.float32)
+
+
+def aligned(values):
+    """Return a Warp array that begins like every other one."""
+    room = np.empty(values.nbytes + 64, np.uint8)
+    begin = -room.ctypes.data % 64
+    host = room[begin : begin + values.nbytes].view(values.dtype).reshape(values.shape)
+    host[...] = values
+    return wp.array(host, device="cpu", copy=False)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_results_are_those_of_the_call(planned, name):
+    call, kept = CALLS[name], []
+    for seed in range(5):
+        values = noise(seed)
+        image = aligned(values)
+        got, want = call(image), call(values)
+        assert type(got) is type(want) or isinstance(got, wp.array)
+        kept.append((got, want))
+        np.testing.assert_array_equal(image.numpy(), values)
+    for got, want in kept:  # later calls have results of their own
+        for a, b in zip(fields(got), fields(want), strict=True):
+            np.testing.assert_array_equal(a.numpy().astype(b.dtype), b)
+    assert len(planned) in (0, 3)
+    assert planned or name in ("canny", "quantiles")  # their steps on the CPU wait for the host
+
+
+def test_options_and_shapes_have_plans_of_their_own(planned):
+    for sigma in (1.0, 2.0, 1.0, 2.0, 1.0, 2.0):
+        for shape in ((40, 64), (20, 128)):
+            values = noise(0, shape)
+            got = cvkern.gaussian(aligned(values), sigma)
+            np.testing.assert_array_equal(got.numpy(), cvkern.gaussian(values, sigma))
+    assert len(planned) == 4
+
+
+def test_what_is_no_plain_option_is_checked_each_time(planned):
+    image = aligned(noise(0))
+    wrong: Any = 2.0  # equal to 2 as a key
+    for _ in range(4):
+        cvkern.box(image, 2)
+        with pytest.raises(TypeError, match="radius must be an integer"):
+            cvkern.box(image, wrong)
+        with pytest.raises(ValueError, match="sigma must be >= 0"):
+            cvkern.gaussian(image, -1.0)
+        cvkern.gaussian(image, (1.0, 2.0))
+    assert len(planned) == 2
+
+
+def test_released_memory_ends_plans(planned):
+    values = noise(0)
+    for turn in range(8):
+        if turn == 4:
+            assert _plans._thread.plans
+            cvkern.release_memory()
+            assert not _plans._thread.plans
+        got = cvkern.sobel(aligned(values))
+        np.testing.assert_array_equal(got.numpy(), cvkern.sobel(values))
+    assert len(planned) == 4  # call 5 notes its launches again
+
+
+def test_memory_that_another_thread_releases_ends_plans(planned):
+    values = noise(0)
+    for turn in range(6):
+        if turn == 4:
+            thread = threading.Thread(target=cvkern.release_memory)
+            thread.start()
+            thread.join()
+        got = cvkern.sobel(aligned(values))
+        np.testing.assert_array_equal(got.numpy(), cvkern.sobel(values))
+    assert len(planned) == 3  # call 4 notes its launches again
+
+
+def test_plans_do_not_grow_without_end(planned, monkeypatch):
+    monkeypatch.setattr(_plans, "_MOST", 4)
+    image = aligned(noise(0))
+    for radius in (*range(1, 9), 8, 8):
+        cvkern.box(image, radius)
+    assert len(_plans._thread.plans) <= 4
+    assert len(planned) == 1
