@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,19 @@ def white_of(image: Any, data_range: float | None = None) -> float:
         return check_positive(data_range, "data_range")
     dtype = library(image).dtype(image)
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def dtype_of_most(dtypes: Sequence[np.dtype]) -> np.dtype:
+    """Return the dtype that most images have, of equally many the widest."""
+    return max(dtypes, key=lambda dtype: (dtypes.count(dtype), dtype.itemsize))
+
+
+def converted(image: np.ndarray, white: float, dtype: np.dtype) -> np.ndarray:
+    """Return an image with the given white as one of another dtype, with the white of that."""
+    values = image * (white_of(np.empty(0, dtype)) / white)
+    if dtype.kind == "u":
+        values = np.nan_to_num(values).clip(0, np.iinfo(dtype).max).round()
+    return values.astype(dtype)
 
 
 def as_host(rt: Runtime, array: Any) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.panorama import Part
+from cvkern.panorama.registration import read_ahead
 from cvkern.panorama.seams import Seams
 from cvkern.panorama.surfaces import Canvas
 from cvkern.panorama.warping import draw
@@ -23,7 +24,7 @@ class Blend(NamedTuple):
     """Inputs of the blending."""
 
     images: list[Any]
-    """The large images."""
+    """The large images: arrays, or what `pixels` reads."""
     sides: np.ndarray
     """(N, 2) int32: heights and widths."""
     bands: int
@@ -31,6 +32,26 @@ class Blend(NamedTuple):
     high: float
     """Largest value of an integer result; 0 for a float result."""
     channels: int
+
+
+class Place(NamedTuple):
+    """A tile of the canvas."""
+
+    row: int
+    column: int
+    rows: int
+    columns: int
+
+
+def places_of(rt: Runtime, canvas: Canvas, bands: int, side: int | None = None) -> list[Place]:
+    """Cut a canvas into tiles of about `side` pixels, in raster order."""
+    side = side or TILES[rt.device.partition(":")[0]]
+    side = max(1, side >> bands) << bands
+    return [
+        Place(row, column, min(side, canvas.height - row), min(side, canvas.width - column))
+        for row in range(0, canvas.height, side)
+        for column in range(0, canvas.width, side)
+    ]
 
 
 def blend(
@@ -43,23 +64,32 @@ def blend(
     say: Callable[[float], None],
 ) -> None:
     """Fill the kernel arrays `image` (H, W, C) and `mask` (H, W)."""
+    places = places_of(rt, canvas, given.bands)
+    for number, place in enumerate(places):
+        say(number / len(places))
+        blend_tile(rt, canvas, seams, given, place, place[:2], image, mask)
+
+
+def blend_tile(
+    rt: Runtime,
+    canvas: Canvas,
+    seams: Seams,
+    given: Blend,
+    place: Place,
+    corner: tuple[int, int],
+    image: Any,
+    mask: Any,
+) -> None:
+    """Fill a part of the kernel arrays, which begins at a corner, with a tile of the canvas."""
     unit = 2**given.bands
-    side = TILES[rt.device.partition(":")[0]] // unit * unit
     halo = SURROUND * unit
-    tiles = [
-        (row, column)
-        for row in range(0, canvas.height, side)
-        for column in range(0, canvas.width, side)
-    ]
-    for number, (row, column) in enumerate(tiles):
-        say(number / len(tiles))
-        rows, columns = min(side, canvas.height - row), min(side, canvas.width - column)
-        top, height = _with_halo(row, rows, halo, unit, canvas.height)
-        # Columns of a closed canvas continue beyond its ends.
-        left, width = _with_halo(column, columns, halo, unit, 0 if canvas.closed else canvas.width)
-        tile = _Tile(rt, canvas, seams, given, top, left, height, width)
-        part = Part(row - top, column - left, row, column, rows, columns)
-        rt.panorama.blending.finish(tile.filled(), tile.labels, given.high, part, image, mask)
+    row, column, rows, columns = place
+    top, height = _with_halo(row, rows, halo, unit, canvas.height)
+    # Columns of a closed canvas continue beyond its ends.
+    left, width = _with_halo(column, columns, halo, unit, 0 if canvas.closed else canvas.width)
+    tile = _Tile(rt, canvas, seams, given, top, left, height, width)
+    part = Part(row - top, column - left, *corner, rows, columns)
+    rt.panorama.blending.finish(tile.filled(), tile.labels, given.high, part, image, mask)
 
 
 def _with_halo(first: int, count: int, halo: int, unit: int, size: int) -> tuple[int, int]:
@@ -142,15 +172,18 @@ class _Tile:
         sums = [rt.scratch(f"panorama.sum{k}", s) for k, s in enumerate(sizes)]
         for array in (*totals, *sums):
             rt.clear(array)
-        for name, bounds in self.parts:
-            self._add(name, bounds, totals, sums)
+        images = read_ahead([self.given.images[name] for name, _ in self.parts])
+        for image, (name, bounds) in zip(images, self.parts, strict=True):
+            self._add(image, name, bounds, totals, sums)
         kernels = rt.panorama.blending
         for level in range(bands, -1, -1):
             coarser = totals[min(level + 1, bands)]
             kernels.collapse(sums[level], coarser, int(level == bands), totals[level])
         return totals[0]
 
-    def _add(self, name: int, bounds: tuple[int, ...], totals: list[Any], sums: list[Any]) -> None:
+    def _add(
+        self, image: Any, name: int, bounds: tuple[int, ...], totals: list[Any], sums: list[Any]
+    ) -> None:
         """Add the bands of one image."""
         rt, bands, channels = self.rt, self.given.bands, self.given.channels
         unit = 2**bands
@@ -166,7 +199,7 @@ class _Tile:
         kernels = rt.panorama.blending
         # The weights are not needed here: the mask overwrites them.
         draw(
-            rt, self.given.images[name], self.cameras[name : name + 1], self.gains[name],
+            rt, image, self.cameras[name : name + 1], self.gains[name],
             self.columns[left:right], self.rows[top:bottom], values, mask,
         )  # fmt: skip
         rt.panorama.warping.mark(self.labels, name, top, left, mask)

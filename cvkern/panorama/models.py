@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.panorama import adjustment
 from cvkern.panorama.adjustment import (
     Observations,
@@ -246,8 +247,8 @@ def _turned(
         if not known[image]:
             model.focals[image] = model.focals[beside]
         k0, k1 = (np.array([f, f, 1.0]) for f in model.focals[[beside, image]])
-        u, _, vt = np.linalg.svd(maps[beside, image] * k0 / k1[:, None])
-        model.rotations[image] = (u @ vt) @ model.rotations[beside]
+        turn = nearest_rotations(maps[beside, image] * k0 / k1[:, None])
+        model.rotations[image] = turn @ model.rotations[beside]
         there[image] = True
         if number >= max(grown * AT_ONCE, grown + 1) or number == count:
             grown = number

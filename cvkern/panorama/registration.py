@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,8 @@ MANY_IMAGES, STRONG, PARTNERS = 18, 500, 12
 # and 0.1 by chance. A pair must be 1000 times likelier than chance.
 ALPHA, BETA = 8.0, 0.3
 LEAST_SIDE = 16  # pixels; smaller images have no keypoints
+# Pairs that are matched in one launch, which has memory for all their keypoints.
+MANY_PAIRS, STRONG_PAIRS = 4096, 8192
 
 Progress = Callable[[int, int, str], None]
 
@@ -52,12 +55,30 @@ class Heap(NamedTuple):
     """Images, and their small copies for the comparison."""
 
     images: list[Any]
-    """The images as given, (H, W) or (H, W, C)."""
+    """The images as given, (H, W) or (H, W, C): arrays, or what `pixels` reads."""
     small: list[Any]
     """The same images, with at most `WORK_PIXELS` pixels each."""
     factors: np.ndarray
     """Sides of the small images over the sides of the large ones, (N, 2) in the order x, y."""
     white: float | None
+
+
+def pixels(image: Any) -> Any:
+    """Return the array of an image; one that lies on disk has a method that reads it."""
+    return image.read() if hasattr(image, "read") else image
+
+
+def read_ahead(images: Sequence[Any]) -> Iterator[Any]:
+    """Yield the arrays of images; of those on disk, the next one is read meanwhile."""
+    if not any(hasattr(image, "read") for image in images):
+        yield from images
+        return
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(pixels, images[0])
+        for image in images[1:]:
+            array, coming = coming.result(), pool.submit(pixels, image)
+            yield array
+        yield coming.result()
 
 
 def check_heap(images: Any, data_range: float | None) -> list[Any]:
@@ -102,25 +123,39 @@ def resized(image: Any, sides: tuple[int, int]) -> Any:
 def link_images(heap: Heap, say: Progress) -> list[Link]:
     """Find the pairs that overlap, in the order of their indices."""
     count = len(heap.images)
-    rt = runtime(*heap.images)
     found = []
     for i, image in enumerate(heap.small):
         say(i, 2 * count, "Keypoints")
-        found.append(_keypoints(image, white_of(heap.images[i], heap.white)))
+        found.append(keypoints(image, white_of(heap.images[i], heap.white)))
+    return link_features(runtime(*heap.images), heap, found, say)
+
+
+def link_features(
+    rt: Runtime, heap: Heap, found: Sequence[Any], say: Progress, at_once: int = MANY_PAIRS
+) -> list[Link]:
+    """Find the pairs that overlap, given the features of the images.
+
+    Those of at most `at_once` pairs are needed at a time.
+    """
+    count = len(heap.images)
     if count < 2:
         return []
     say(count, 2 * count, "Matching")
     pairs = _likely_pairs(rt, found)
-    matches = [as_host(rt, m) for m in match_images(found, pairs, max_ratio=MAX_RATIO)]
-    points = [as_host(rt, f.points).astype(np.float64) for f in found]
-    kept = [k for k, m in enumerate(matches) if len(m) >= LEAST_MATCHES]
+    kept, given = [], []
+    for first in range(0, len(pairs), at_once):
+        names, places = np.unique(pairs[first : first + at_once], return_inverse=True)
+        part = [found[n] for n in names]
+        points = [as_host(rt, f.points).astype(np.float64) for f in part]
+        places = places.reshape(-1, 2)
+        matches = match_images(part, places, max_ratio=MAX_RATIO)
+        for k, (m, (i, j)) in enumerate(zip(matches, places, strict=True), first):
+            if len(m) >= LEAST_MATCHES:
+                chosen = as_host(rt, m)
+                kept.append(k)
+                given.append((points[i][chosen[:, 0]], points[j][chosen[:, 1]]))
     if not kept:
         return []
-    given = [
-        (points[i][matches[k][:, 0]], points[j][matches[k][:, 1]])
-        for k in kept
-        for i, j in (pairs[k],)
-    ]
     say(3 * count // 2, 2 * count, "Homographies")
     fits = find_homographies(given, THRESHOLD)
     links = []
@@ -132,7 +167,7 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
     return links
 
 
-def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
+def _likely_pairs(rt: Runtime, found: Sequence[Any]) -> np.ndarray:
     """Return the pairs (P, 2), i < j, for which to match all keypoints.
 
     Among many images, pair each one with those that share most matches of strong keypoints with it.
@@ -144,10 +179,12 @@ def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
     strong = []
     for features in found:
         order = np.argsort(-as_host(rt, features.responses), kind="stable")[:STRONG]
-        strong.append(as_host(rt, features.descriptors)[np.sort(order)])
-    matches = match_images([rt.give(d) for d in strong], pairs, max_ratio=MAX_RATIO)
+        strong.append(rt.give(as_host(rt, features.descriptors)[np.sort(order)]))
     numbers = np.zeros((count, count), int)
-    numbers[pairs[:, 0], pairs[:, 1]] = [len(m) for m in matches]
+    for first in range(0, len(pairs), STRONG_PAIRS):
+        part = pairs[first : first + STRONG_PAIRS]
+        matches = match_images(strong, part, max_ratio=MAX_RATIO)
+        numbers[part[:, 0], part[:, 1]] = [len(m) for m in matches]
     numbers += numbers.T
     nearest = np.argsort(-numbers, axis=1, kind="stable")[:, :PARTNERS]
     likely = np.zeros((count, count), bool)
@@ -156,7 +193,8 @@ def _likely_pairs(rt: Runtime, found: list[Features]) -> np.ndarray:
     return pairs[likely[pairs[:, 0], pairs[:, 1]]]
 
 
-def _keypoints(image: Any, white: float) -> Any:
+def keypoints(image: Any, white: float) -> Features:
+    """Return the features by which images are compared."""
     if min(image.shape[:2]) < LEAST_SIDE:
         none = np.zeros(0, np.float32)
         return Features(none.reshape(0, 2), none, none, none, np.zeros((0, 128), np.uint8))

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
+from cvkern.panorama.registration import pixels
 from cvkern.panorama.surfaces import Canvas
 from cvkern.panorama.warping import draw, shrunk
 
@@ -29,7 +30,7 @@ class Sources(NamedTuple):
     """The images of one panorama, reduced in size."""
 
     images: list[Any]
-    """(H, W, C) or (H, W)."""
+    """(H, W, C) or (H, W): arrays, or what `pixels` reads."""
     factors: np.ndarray
     """Sides of these images over the sides of the large ones, (N, 2)."""
     white: float
@@ -58,7 +59,10 @@ def find_seams(rt: Runtime, canvas: Canvas, sources: Sources, compensate: bool) 
     ones = rt.constant(np.ones(channels, np.float32))
     # What the kernels need of all images is sent at once: each transfer waits for the kernels.
     images, cameras = zip(
-        *(shrunk(sources.images[n], sources.factors[n], n, coarse, canvas) for n in range(count)),
+        *(
+            shrunk(pixels(sources.images[n]), sources.factors[n], n, coarse, canvas)
+            for n in range(count)
+        ),
         strict=True,
     )
     first = coarse.rects[:, :2].min(axis=0)

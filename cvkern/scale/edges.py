@@ -21,7 +21,8 @@ from cvkern.edges.quantiles import ranks_of
 from cvkern.edges.slopes import find_slopes
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
 
-_FEW = 0.02  # share of weak pixels up to which a graph of them is faster than a flood of the tile
+_ROUNDS = 128  # steps from the border after which a flood of the tile is faster
+_AROUND = np.array([[-1, -1, -1, 0, 0, 1, 1, 1], [-1, 0, 1, -1, 1, -1, 0, 1]])
 _EDGE = 1  # node of all pixels that are edges already; 0 is no node
 Place = tuple[slice, slice]
 
@@ -113,13 +114,21 @@ class Seams:
 
     @staticmethod
     def split(states: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the edges that a tile decides, and its undecided pixels, packed."""
+        """Return the edges that a tile decides, and what is left of it."""
         states = np.ascontiguousarray(states)
-        edges = _flooded(states)
+        edges = flooded(states)
+        return edges, Seams.left(states, edges)
+
+    @staticmethod
+    def left(states: np.ndarray, edges: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the border of the edges of a tile, and its undecided pixels, packed.
+
+        `states` loses these pixels.
+        """
         kept = {"rows": edges[[0, -1]], "columns": edges[:, [0, -1]]}
-        places = _reaching((states == Edge.WEAK) & ~edges)
+        places = _reaching(states, edges)
         packed = zlib.compress(np.diff(places, prepend=np.int32(0)).tobytes(), 1)
-        return edges, {**kept, "undecided": np.frombuffer(packed, np.uint8)}
+        return {**kept, "undecided": np.frombuffer(packed, np.uint8)}
 
     def add(self, inner: Place, kept: dict[str, np.ndarray]) -> None:
         """Join the pieces of the next tile in raster order with those of its neighbours."""
@@ -174,7 +183,7 @@ def _sides(place: Place) -> tuple[int, int]:
     return place[0].stop - place[0].start, place[1].stop - place[1].start
 
 
-def _flooded(states: np.ndarray) -> np.ndarray:
+def flooded(states: np.ndarray) -> np.ndarray:
     """Return the pixels that weak ones connect with a strong one, bool."""
     rt = runtime(states)
     mask = rt.empty(states.shape, bool)
@@ -182,21 +191,33 @@ def _flooded(states: np.ndarray) -> np.ndarray:
     return rt.release(mask)
 
 
-def _reaching(weak: np.ndarray) -> np.ndarray:
-    """Return the places of weak pixels that weak ones connect with the border, int32."""
-    height, width = weak.shape
-    places = np.flatnonzero(weak)
-    if len(places) > weak.size * _FEW:
-        states = np.where(weak, np.uint8(Edge.WEAK), np.uint8(Edge.NONE))
-        for rim in (states[0], states[-1], states[:, 0], states[:, -1]):
-            rim[rim > 0] = Edge.STRONG
-        return np.flatnonzero(_flooded(states)).astype(np.int32)
-    labels, count = _pieces(places, width)
-    rows, columns = np.divmod(places, width)
-    rim = (rows % (height - 1 or 1) == 0) | (columns % (width - 1 or 1) == 0)
-    reaches = np.zeros(count, bool)
-    reaches[labels[rim]] = True
-    return places[reaches[labels]].astype(np.int32)
+def _reaching(states: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Return the places of weak pixels, no edges, that weak ones connect with the border, int32.
+
+    As a rule they are few and near the border, so rounds that begin there read little of the tile.
+    `states` loses them then.
+    """
+    height, width = states.shape
+    flat, decided = states.reshape(-1), edges.reshape(-1)
+    rows, columns = np.arange(height) * width, np.arange(width)
+    rim = (columns, columns + (height - 1) * width, rows, rows + width - 1)
+    front, found = np.unique(np.concatenate(rim)), [np.zeros(0, np.int64)]
+    for _ in range(_ROUNDS):
+        front = front[(flat[front] == Edge.WEAK) & ~decided[front]]
+        if not len(front):
+            return np.sort(np.concatenate(found)).astype(np.int32)
+        flat[front] = Edge.NONE
+        found.append(front)
+        y, x = (
+            part[:, None] + step for part, step in zip(divmod(front, width), _AROUND, strict=True)
+        )
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        front = np.unique((y * width + x)[inside])
+    flat[np.concatenate(found)] = Edge.WEAK
+    weak = np.where(decided, np.uint8(Edge.NONE), flat).reshape(states.shape)
+    for side in (weak[0], weak[-1], weak[:, 0], weak[:, -1]):
+        side[side > 0] = Edge.STRONG
+    return np.flatnonzero(flooded(weak)).astype(np.int32)
 
 
 def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:

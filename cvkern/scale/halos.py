@@ -54,6 +54,8 @@ _HALOS: dict[str, Callable[[Options], int]] = {
     "canny": lambda options: _spread(options) + 3,
     "correlate_separable": _taps,
     "gaussian": lambda options: _spread(options, options["truncate"]),
+    "generalized_hough": lambda _: 0,
+    "generalized_hough_votes": lambda _: 0,
     "gradient": lambda options: _spread(options) + 1,
     "hough_circle": _radii,
     "hough_line": lambda _: 0,

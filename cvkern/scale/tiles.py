@@ -20,16 +20,17 @@ import numpy as np
 
 import cvkern
 from cvkern._checks import check_integer, check_pair
-from cvkern._runtime import check_devices, choice, refuse_capture, use
+from cvkern._runtime import check_devices, choice, pinned, refuse_capture, use
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, thresholds, tile_edges
+from cvkern.scale.edges import Place, Seams, flooded, thresholds, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
-from cvkern.scale.votes import line_votes
+from cvkern.scale.votes import line_votes, shape_votes
 
 TILE = 2048
 MAPS = "mask", "orientation", "weights"  # options that are images, read tile by tile
-WHOLE = "hough_line", "stereo_match"  # functions of all tiles, or of two images
+VOTES = "generalized_hough", "generalized_hough_votes", "hough_line"  # sums over tiles
+WHOLE = *VOTES, "stereo_match"  # functions of all tiles, or of two images
 LEADING = ("hough_circle",)  # results whose last axes are rows and columns
 
 
@@ -67,13 +68,13 @@ def apply(
     source : array of shape (H, W) or (H, W, C), or a tuple of two for `stereo_match`
         Anything with a `shape` that gives an array when it is sliced by rows and columns: a NumPy
         memory map, an array of Zarr or HDF5. For an array of Dask, tiles are tasks of Dask, which
-        run where its scheduler says: on threads, or on the workers of a client; not for
-        `hough_circle`, `hough_line` and `stereo_match`.
+        run where its scheduler says: on threads, or on the workers of a client; not for the Hough
+        transforms and `stereo_match`.
     target : array of the result's shape, or a tuple of them, optional
         Anything that takes a tile when it is assigned to a slice. When omitted, NumPy arrays are
-        allocated; of an array of Dask, one of Dask is returned, and nothing is computed yet.
-        Functions with several results need one target for each. None for `hough_line`, whose votes
-        are added up in memory.
+        made; of an array of Dask, one of Dask is returned, and nothing is computed yet. Functions
+        with several results need one target for each. None for `hough_line`,
+        `generalized_hough` and `generalized_hough_votes`, whose votes are added up in memory.
     tile : int or (int, int), default 2048
         Height and width of a tile, pixels; of `stereo_match`, strips have all columns.
     journal : path, optional
@@ -82,11 +83,10 @@ def apply(
         the shapes must be the same; pixels are not compared. Not for arrays of Dask, which
         computes the tasks of a lost worker again.
     devices : sequence of str, optional
-        Compute tiles on several GPUs in turn, such as ``("cuda:0", "cuda:1")``; by default on the
-        device in use. Not for arrays of Dask.
+        Compute tiles on several GPUs in turn, such as ``("cuda:0", "cuda:1")``. Not for arrays of
+        Dask.
     progress : callable, optional
-        Called with the number of finished tiles and that of all of them; not for arrays of Dask,
-        which have progress bars of their own.
+        Called with the number of finished tiles and that of all of them; not for arrays of Dask.
     **options
         As the function takes them. Of `mask`, `orientation` and `weights`, the part of each tile
         is read.
@@ -94,7 +94,8 @@ def apply(
     Returns
     -------
     array, or tuple of arrays
-        `target`, or the arrays in its place; of `hough_line` and `stereo_match`, what they return.
+        `target`, or the arrays in its place as the function returns them; of functions of votes
+        and `stereo_match`, what they return.
         The values are those of the function on the whole image, in every bit, except for
         `stereo_match` (see Notes).
 
@@ -111,6 +112,9 @@ def apply(
     Besides the arrays of a tile, :func:`canny` keeps the weak pixels that reach the border of a
     tile without a strong one, packed; a last pass decides about them. With `use_quantiles`, two
     passes before find the thresholds.
+
+    :func:`generalized_hough` needs a mask of edges and their `orientation`. The edge points of all
+    tiles are kept, and 2 bytes a pixel while poses are judged.
 
     Paths of :func:`stereo_match` go through the whole image. Strips read 64 rows more on each side,
     after which paths have mostly forgotten where they began; `max_bytes` cuts volumes in the same
@@ -150,10 +154,14 @@ def apply(
         windows = tuple(_cut(one, tile.window, "source") for one in sources)
         return windows, {key: _cut(one, tile.window, key) for key, one in maps.items()}
 
-    if name == "hough_line":
+    if name in VOTES:
         if journal is not None or target is not None:
-            raise ValueError("journal and target must be None for hough_line")
-        return line_votes(_told(tiles, read, progress), shape[:2], options)
+            raise ValueError(f"journal and target must be None for {name}")
+        if name == "hough_line":
+            return line_votes(_told(tiles, read, progress), shape[:2], options)
+        if "orientation" not in maps:
+            raise ValueError("orientation must be given in tiles, with a mask of edges, got None")
+        return shape_votes(name, _told(tiles, read, progress), shape[:2], options)
     seams = Seams(shape[:2]) if name == "canny" else None
     call = tile_edges if seams else getattr(cvkern, name)
     plan = {"function": name, "shape": shape, "tile": sides, "options": options}
@@ -161,9 +169,17 @@ def apply(
     if book.begun and target is None:
         raise ValueError("target must be given to go on with a journal, got None")
 
-    def write(tile: Tile, results: tuple[np.ndarray, ...], kept: dict[str, np.ndarray]) -> None:
+    inherited = pinned()
+
+    def write(tile: Tile, results: list[np.ndarray], states: np.ndarray | None) -> None:
         for one, result in zip(targets, results, strict=True):
             one[_at(name, tile.inner)] = result
+        kept = {}
+        if seams and states is not None:
+            with inherited():
+                kept = seams.left(states, results[0])
+            if journal is None:
+                seams.add(tile.inner, kept)
         book.note(tile.number, kept)
 
     if seams and options.get("use_quantiles"):
@@ -178,16 +194,15 @@ def apply(
         for n, (part, found) in enumerate(_computed(_ahead(waiting, read), work, places)):
             parts = found if isinstance(found, tuple) else (found,)
             results = [r[_at(name, part.inside)] for r in parts]
-            kept = {}
+            states = None
             if seams:
-                results[0], kept = seams.split(results[0])
+                states = np.ascontiguousarray(results[0])
+                results = [flooded(states)]
             if not targets:
                 targets += _targets(name, target, results, shape)
             if written:
                 written.result()
-            written = pool.submit(write, part, tuple(results), kept)
-            if seams and journal is None:
-                seams.add(part.inner, kept)
+            written = pool.submit(write, part, results, states)
             if progress:
                 progress(len(tiles) - len(waiting) + n + 1, len(tiles))
         if written:
@@ -201,7 +216,7 @@ def apply(
         for inner, more in seams.decided():
             targets[0][inner] = np.asarray(targets[0][inner]) | more
     book.remove()
-    if name == "stereo_match" and target is None:
+    if hasattr(found, "_fields") and target is None:
         return type(found)(*targets)
     return targets[0] if len(targets) == 1 else tuple(targets)
 

@@ -1,6 +1,7 @@
 """``cvkern panorama``: what it writes, says and refuses."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -60,6 +61,36 @@ def test_panorama(command, photographs, tmp_path):
     assert code == 0
     assert not stale.exists()
     assert read_image(tmp_path / "out" / "panorama-1.png").shape[1] < 0.6 * image.shape[1]
+
+
+def test_large_panoramas_are_those_of_memory(command, photographs, tmp_path):
+    folder = tmp_path / "heap"
+    shutil.copytree(photographs, folder)
+    (folder / "bad.jpg").write_bytes((folder / "a.jpg").read_bytes()[:900])
+    code, _, error = command("panorama", folder, "-o", tmp_path / "small")
+    assert code == 0
+    (tmp_path / "large").mkdir()
+    (tmp_path / "large" / "panorama-1.png").touch()
+    given = "panorama", folder, "-o", tmp_path / "large", "--large", ".tif"
+    code, out, _ = command(*given)
+    assert code == 2
+    code, out, again = command(*given, "--overwrite")
+    assert code == 0
+    assert again == error
+    assert "1 panoramas, 1 strangers" in out
+    names = {path.name for path in (tmp_path / "large").iterdir()}
+    assert names == {"panorama-1.tif", "panorama-1-mask.tif", "report.json"}
+    want = read_image(tmp_path / "small" / "panorama-1.png")
+    np.testing.assert_array_equal(read_image(tmp_path / "large" / "panorama-1.tif"), want)
+    reports = [
+        json.loads((tmp_path / name / "report.json").read_text()) for name in ("small", "large")
+    ]
+    assert reports[1]["panoramas"][0].pop("file") == "panorama-1.tif"
+    assert reports[0]["panoramas"][0].pop("file") == "panorama-1.png"
+    assert reports[1] == reports[0]
+    code, _, error = command(*given, "--overwrite", "--crop")
+    assert code == 2
+    assert "crop must not be given with large" in error
 
 
 def test_a_damaged_file_and_one_of_words(command, photographs, tmp_path):

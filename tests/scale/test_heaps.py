@@ -76,6 +76,22 @@ def test_engines(tmp_path, engine):
     assert mark.exists() == (engine != "threads")
 
 
+def test_a_broken_file_among_a_thousand(tmp_path):
+    folder, out = tmp_path / "in", tmp_path / "out"
+    folder.mkdir()
+    image = np.random.default_rng(0).integers(0, 256, (8, 10), np.uint8)
+    write_image(folder / "000.png", image)
+    good = (folder / "000.png").read_bytes()
+    for n in range(1, 1000):
+        (folder / f"{n:03}.png").write_bytes(good)
+    (folder / "617.png").write_bytes(good[:60])
+    report = map_images(folder, "box", out, radius=1)
+    assert list(report.failed) == [str(folder / "617.png")]
+    assert len(report.done) == len(list(out.iterdir())) == 999
+    again = map_images(folder, "box", out, radius=1)
+    assert (len(again.kept), again.done, again.failed) == (999, [], report.failed)
+
+
 RUN = """
 import sys, time
 import cvkern

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,7 +16,7 @@ import cvkern
 from cvkern.app.commands import PHOTOGRAPHS, Backend, Device, progress_bar
 from cvkern.panorama.stitching import MAX_PIXELS
 
-WRITTEN = re.compile(r"panorama-\d+\.(png|tif)")
+WRITTEN = re.compile(r"panorama-\d+(-mask)?\.(png|tif|npy|zarr)")
 REPORT = "report.json"
 
 
@@ -37,6 +38,10 @@ def panorama(
         typer.Option(help="Focal length of all, pixels.", show_default="EXIF, where there is one"),
     ] = None,
     max_pixels: Annotated[int, typer.Option(help="Largest panorama.")] = MAX_PIXELS,
+    large: Annotated[
+        str | None,
+        typer.Option(help="Form of panoramas that may exceed memory: .tif, .npy or .zarr."),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the panoramas that DIR has.")
     ] = False,
@@ -51,8 +56,11 @@ def panorama(
     lens, gains and the residual of its matches. Photographs are turned as their EXIF orientation
     asks. A file that cannot be read is left out, with a message; photographs of another dtype than
     most become photographs of that one, and white stays white.
+
+    With --large, neither the photographs nor the panoramas need fit into memory: tiles are written
+    into panorama-N and panorama-N-mask of that form. A run that was killed goes on when the same
+    command is given again.
     """
-    from cvkern._files import write_text
     from cvkern.images._exif import focal_length
     from cvkern.images.files import read_image, write_image
 
@@ -61,7 +69,7 @@ def panorama(
     if output.exists() and not output.is_dir():
         raise ValueError(f"output must be a folder, got the file {str(output)!r}")
     old = [p for p in output.glob("*") if WRITTEN.fullmatch(p.name) or p.name == REPORT]
-    if old and not overwrite:
+    if old and not overwrite and not (large and (output / "journal").exists()):
         raise ValueError(
             f"output must have no panoramas yet, got {str(min(old))!r}: --overwrite replaces them"
         )
@@ -69,6 +77,14 @@ def panorama(
     files = [p for p in files if p not in old]
     if not files:
         raise ValueError(f"folder must have images, got none in {str(folder)!r}")
+    if large is not None:
+        if crop:
+            raise ValueError("crop must not be given with large: cut the panorama that is written")
+        given = {"surface": surface, "scale": scale, "compensate": compensate, "suffix": large}
+        with cvkern.use(backend=backend, device=device):
+            written = _large(files, output, focal, given | {"overwrite": overwrite}, max_pixels)
+        _forget({*old} - written)
+        return
     with cvkern.use(backend=backend, device=device), progress_bar() as bar:
         task = bar.add_task("Reading", total=len(files))
         images, lengths, names, unreadable = [], [], [], {}
@@ -99,25 +115,78 @@ def panorama(
     for i, dtype in dtypes.items():
         typer.echo(f"{names[i]}: {dtype} became {images[i].dtype}, as most are", err=True)
     output.mkdir(parents=True, exist_ok=True)
-    entries, written = [], []
+    written = []
     for number, one in enumerate(made, 1):
         real = one.image.dtype.kind == "f"
         written.append(output / f"panorama-{number}.{'tif' if real else 'png'}")
         write_image(written[-1], one.image)
-        entries.append(_entry(one, names, written[-1].name))
-        typer.echo(f"{written[-1]}: {len(one.members)} photographs, {_size(one)}, {one.surface}")
+    _report(output, names, unreadable, made, written)
+    _forget({*old} - {*written, output / REPORT})
+
+
+def _forget(stale: set[Path]) -> None:
+    """Remove panoramas of an earlier run, those of Zarr are folders."""
+    for path in stale:
+        shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+
+
+def _large(
+    files: list[Path], output: Path, focal: float | None, options: dict[str, Any], max_pixels: int
+) -> set[Path]:
+    """Make panoramas of photographs that need not fit into memory; return the files of results."""
+    from cvkern.scale import stitch
+    from cvkern.scale.panoramas import MAX_PIXELS as MOST
+
+    lengths = "exif" if focal is None else [focal] * len(files)
+    most = MOST if max_pixels == MAX_PIXELS else max_pixels
+    with progress_bar() as bar:
+        task = bar.add_task("Reading", total=len(files))
+        found = stitch(
+            files, output, focal_lengths=lengths, max_pixels=most, **options,
+            progress=lambda done, total, text: bar.update(
+                task, completed=done, total=total, description=text
+            ),
+        )  # fmt: skip
+    failed = {
+        Path(file).name: reason.rpartition(f"{file!r}: ")[2]
+        for file, reason in found.failed.items()
+    }
+    for name, reason in failed.items():
+        typer.echo(f"{name}: left out, it cannot be read: {reason}", err=True)
+    count = len(found.panoramas)
+    written = [output / f"panorama-{n + 1}{options['suffix']}" for n in range(count)]
+    names = [Path(file).name for file in found.files]
+    _report(output, names, failed, found.panoramas, written)
+    masks = {file.with_name(f"{file.stem}-mask{file.suffix}") for file in written}
+    return {*written, *masks, output / REPORT}
+
+
+def _report(
+    output: Path,
+    names: list[str],
+    unreadable: dict[str, str],
+    made: list[Any],
+    written: list[Path],
+) -> None:
+    """Write the report of the panoramas, and tell of each."""
+    from cvkern._files import write_text
+
+    for one, file in zip(made, written, strict=True):
+        typer.echo(f"{file}: {len(one.members)} photographs, {_size(one)}, {one.surface}")
     together = {i for one in made for i in one.members}
-    strangers = [name for i, name in enumerate(names) if i not in together]
+    strangers = [
+        name for i, name in enumerate(names) if i not in together and name not in unreadable
+    ]
     report = {
-        "photographs": names,
+        "photographs": [name for name in names if name not in unreadable],
         "pairs": [[names[i], names[j]] for one in made for i, j in one.pairs],
         "strangers": strangers,
         "unreadable": unreadable,
-        "panoramas": entries,
+        "panoramas": [
+            _entry(one, names, file.name) for one, file in zip(made, written, strict=True)
+        ],
     }
     write_text(output / REPORT, json.dumps(report, indent=1) + "\n")
-    for stale in {*old} - {*written, output / REPORT}:
-        stale.unlink()
     typer.echo(f"{output / REPORT}: {len(made)} panoramas, {len(strangers)} strangers")
 
 
@@ -126,16 +195,13 @@ def _make_alike(images: list[np.ndarray]) -> dict[int, np.dtype]:
 
     White stays white: the largest number of an integer dtype, and 1 of floats.
     """
-    from cvkern.features._photographs import white_of
+    from cvkern.features._photographs import converted, dtype_of_most, white_of
 
     dtypes = [image.dtype for image in images]
-    most = max(dtypes, key=lambda dtype: (dtypes.count(dtype), dtype.itemsize))
+    most = dtype_of_most(dtypes)
     others = {i: dtype for i, dtype in enumerate(dtypes) if dtype != most}
     for i in others:
-        values = images[i] * (white_of(np.empty(0, most)) / white_of(images[i]))
-        if most.kind == "u":
-            values = np.nan_to_num(values).clip(0, np.iinfo(most).max).round()
-        images[i] = values.astype(most)
+        images[i] = converted(images[i], white_of(images[i]), most)
     return others
 
 
