@@ -271,6 +271,7 @@ def _refuse_turns(
 ) -> None:
     """Refuse matches of one map: those of a turned camera, or of a plane before unknown cameras."""
     from cvkern.geometry import find_homography
+    from cvkern.geometry._matrices import nearest_rotations
 
     fit = find_homography(a, b, threshold, seed=seed)
     share = float(np.mean(fit.inliers)) if fit.matrix is not None else 0.0
@@ -278,8 +279,7 @@ def _refuse_turns(
         return
     rays = [_rays(points, camera) for points, camera in zip((a, b), cameras, strict=True)]
     one, other = (r / np.linalg.norm(r, axis=1, keepdims=True) for r in rays)
-    u, _, vt = np.linalg.svd(other.T @ one)
-    turned = one @ (u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt).T
+    turned = one @ nearest_rotations(other.T @ one).T
     gaps = turned[:, :2] / turned[:, 2:] - rays[1][:, :2]
     if known and np.median(np.linalg.norm(gaps, axis=1)) * cameras[1][0, 0] > threshold:
         return  # a plane, seen from two places

@@ -72,7 +72,8 @@ def triangulate_columns(
     Notes
     -----
     A column of a projector lights a plane, and the ray of the pixel meets it in one point. If the
-    projector has a lens, the column is a curve, and four steps of Newton's method find the point.
+    projector has a lens, the column is a curve, and at most four steps of Newton's method find the
+    point.
 
     Examples
     --------

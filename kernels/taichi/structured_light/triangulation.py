@@ -10,7 +10,7 @@ almost a linear function. One thread computes one pixel.
 import numpy as np
 import taichi as ti
 
-from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR
+from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR, STILL
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi.geometry._lens import NEWTON_STEPS, WIDEST
 
@@ -76,13 +76,18 @@ def _straightened(lenses: ti.template(), row: ti.f32, column: ti.f32) -> vec2:
     want_y = (row - lenses[0, 3]) / lenses[0, 1]
     x = want_x
     y = want_y
+    goes = True
     for _ in range(NEWTON_STEPS):
-        seen = _bent(lenses, 0, x, y)
-        inverse = 1.0 / (seen[2] * seen[4] - seen[3] * seen[3])  # the Jacobian is symmetric
-        off_x = (seen[0] - want_x) * inverse
-        off_y = (seen[1] - want_y) * inverse
-        x -= seen[4] * off_x - seen[3] * off_y
-        y -= seen[2] * off_y - seen[3] * off_x
+        if goes:
+            seen = _bent(lenses, 0, x, y)
+            inverse = 1.0 / (seen[2] * seen[4] - seen[3] * seen[3])  # the Jacobian is symmetric
+            off_x = (seen[0] - want_x) * inverse
+            off_y = (seen[1] - want_y) * inverse
+            step_x = seen[4] * off_x - seen[3] * off_y
+            step_y = seen[2] * off_y - seen[3] * off_x
+            x -= step_x
+            y -= step_y
+            goes = not (ti.abs(step_x) < STILL and ti.abs(step_y) < STILL)
     if not (ti.abs(x) < WIDEST and ti.abs(y) < WIDEST):
         x, y = want_x, want_y
     return vec2(x, y)
@@ -118,20 +123,23 @@ def _intersect(
         w = (along - wanted * ahead) / (wanted * pose[11] - shift)  # without a lens
         off = 0.0
         depth = 0.0
+        goes = True
         for _ in range(LENS_STEPS):
-            depth = ahead + w * pose[11]
-            inverse = 1.0 / depth
-            p = (across + w * pose[9]) * inverse
-            q = (down + w * pose[10]) * inverse
-            dp = (pose[9] - p * pose[11]) * inverse
-            dq = (pose[10] - q * pose[11]) * inverse
-            seen = _bent(lenses, 1, p, q)
-            slope = seen[2] * dp + seen[3] * dq
-            off = seen[0] - wanted
-            if ti.static(axis == 1):
-                slope = seen[3] * dp + seen[4] * dq
-                off = seen[1] - wanted
-            w -= off / slope
+            if goes:
+                depth = ahead + w * pose[11]
+                inverse = 1.0 / depth
+                p = (across + w * pose[9]) * inverse
+                q = (down + w * pose[10]) * inverse
+                dp = (pose[9] - p * pose[11]) * inverse
+                dq = (pose[10] - q * pose[11]) * inverse
+                seen = _bent(lenses, 1, p, q)
+                slope = seen[2] * dp + seen[3] * dq
+                off = seen[0] - wanted
+                if ti.static(axis == 1):
+                    slope = seen[3] * dp + seen[4] * dq
+                    off = seen[1] - wanted
+                w -= off / slope
+                goes = not ti.abs(off) < STILL
         z = 1.0 / w
         known = known and ti.abs(off) < NEAR and w > 0.0 and depth > 0.0
         if not known or ti.math.isnan(z) or ti.math.isinf(z):

@@ -72,7 +72,11 @@ void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
     };
     const auto keep = [&](const sums& total, int x, int chunk) __attribute__((always_inline)) {
         const int at = x - 2 * radius_x, row = at % TILE;
-        *(sums*)(tile + row * LANES) = lane + (SUM)chunk < (SUM)count ? total : none;
+        sums* const to = (sums*)(tile + row * LANES);
+        if (chunk + LANES <= count)
+            *to = total;
+        else
+            *to = lane + (SUM)chunk < (SUM)count ? total : none;
         if (row == TILE - 1 || at == width - 1) {
             for (int i = row + 1; i < TILE; ++i) *(sums*)(tile + i * LANES) = none;
             turn(at - row, chunk);
@@ -85,8 +89,9 @@ void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
             sums least = none, place = none, second = none;
             for (int k = 0; k < count; ++k) {
                 const sums sum = *(const sums*)(here + (size_t)k * line);
-                place = sum < least ? (SUM)k - (sums){} : place;
-                least = __builtin_elementwise_min(sum, least);
+                const sums less = __builtin_elementwise_min(sum, least);
+                place = less == least ? place : (SUM)k - (sums){};
+                least = less;
             }
             for (int k = 0; k < count; ++k) {
                 const sums sum = *(const sums*)(here + (size_t)k * line);
@@ -120,8 +125,9 @@ void match_windows(int slab, int first, int last, wp::array_t<ELEMENT> left,
             sums least = none, place = none;
             for (int k = low; k < high; ++k) {
                 const sums sum = *(const sums*)(lines_of_sums + (size_t)k * line + edge + from + k);
-                place = sum < least ? (SUM)k - (sums){} : place;
-                least = __builtin_elementwise_min(sum, least);
+                const sums less = __builtin_elementwise_min(sum, least);
+                place = less == least ? place : (SUM)k - (sums){};
+                least = less;
             }
             const int end = width - begin < LANES ? width - begin : LANES;
             SUM found[2][LANES];

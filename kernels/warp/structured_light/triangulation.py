@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import warp as wp
 
-from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR
+from cvkern.kernels.codes.structured_light import LENS_STEPS, NEAR, STILL
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_slabs, slabs
 from cvkern.kernels.warp.geometry._lens import NEWTON_STEPS, WIDEST
@@ -17,8 +17,7 @@ OPTIONS = {"enable_backward": False}
 EXACT = OPTIONS | {"fuse_fp": False}
 _RUN = 8  # pixels of a thread on CUDA
 _NUMBERS = {"NEWTON_STEPS": NEWTON_STEPS, "WIDEST": f"{WIDEST:.1f}f", "LENS_STEPS": LENS_STEPS,
-            "NEAR": f"{NEAR}f"}  # fmt: skip
-_STILL = "1e-4f"  # the square of this step, of the size of the next one, is below a rounding
+            "NEAR": f"{NEAR}f", "STILL": f"{STILL}f"}  # fmt: skip
 
 
 def intersect(
@@ -77,9 +76,7 @@ def _intersect_cpu(axis: int) -> wp.Kernel:
 
 @lru_cache
 def _intersect_cuda(axis: int) -> wp.Kernel:
-    @_native.kernel(
-        "_triangulation_cuda.cu", OPTIONS, AXIS=axis, STILL=_STILL, RUN=_RUN, **_NUMBERS
-    )
+    @_native.kernel("_triangulation_cuda.cu", OPTIONS, AXIS=axis, RUN=_RUN, **_NUMBERS)
     def intersect_run(
         places: wp.array2d[float],
         valid: wp.array2d[wp.uint8],

@@ -13,7 +13,7 @@ void sweep(int slab, int first, int last, wp::array_t<TYPE> volume, wp::array_t<
                          work.slots.shape[1],
                          padded};
     NUMBER* const costs = work.costs.data + (size_t)slab * work.costs.shape[1];
-    unsigned short* const totals = work.totals.data + (size_t)slab * work.totals.shape[1];
+    TOTAL* const totals = work.totals.data + (size_t)slab * work.totals.shape[1];
     for (int j = 0; j < BLOCK; ++j)
         for (int d = depth; d < padded; ++d) costs[j * padded + d] = LARGEST;
     Sweep sweep = {{course.tasks.data, course.strips, course.blocks},

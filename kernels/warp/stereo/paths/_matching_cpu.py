@@ -134,7 +134,8 @@ def sweep(paths: Paths, number: Number) -> wp.Kernel:
         rule: WinnerRule,
         # scratch
         work: work_type,
-        sums: wp.array3d[wp.uint16],  # (h, W, padded)
+        lines: wp.array2d[wp.uint16],  # (slabs, padded)
+        sums: wp.array3d[number.total],  # (h, W, padded)
         right: BestRight,
         # outputs, of the rows from the course's `top` on
         winners: WinnerArrays,  # (h, W)

@@ -123,11 +123,12 @@ struct Sweep {
 // with m in its middle, then L for all disparities. A chain begins with a slot of zeros, which
 // gives L = C. LARGEST stands on both sides of the disparities and in their padding. It never
 // changes, because additions saturate, and it is never chosen.
-// needs NUMBER, VECTOR, HEADER, LARGEST, PATHS
+// A total is the sum of L over the paths, or, with CHANGES, of L - C, which P2 bounds.
+// needs NUMBER, VECTOR, HEADER, LARGEST, PATHS, TOTAL, CHANGES
 // needs DOWN_THE_ROWS, ALONG_THE_ROW, LOWER, UPPER
 struct Steps {
     typedef NUMBER lanes __attribute__((vector_size(32), aligned(sizeof(NUMBER))));
-    typedef unsigned short sums __attribute__((vector_size(2 * VECTOR), aligned(2)));
+    typedef TOTAL sums __attribute__((vector_size(VECTOR * sizeof(TOTAL)), aligned(sizeof(TOTAL))));
 
     const unsigned char* guide;  // grey values of all pixels, or null
     int p1;
@@ -136,7 +137,7 @@ struct Steps {
     int pitch, padded;
 
     // Compute the totals over the paths, for the pixels of a row, from their costs.
-    void advance(const Sweep& sweep, const NUMBER* costs, unsigned short* totals) const {
+    void advance(const Sweep& sweep, const NUMBER* costs, TOTAL* totals) const {
         const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
         const int height = sweep.height, columns = sweep.columns, step = sweep.step, i = sweep.i;
         const int line = padded, length = pitch;
@@ -163,7 +164,7 @@ struct Steps {
                     const unsigned char* p = gray + (step > 0 ? j : columns - 1 - j);
                     difference = *p - p[-step * (down[q] * columns + along[q])];
                 }
-                least[q] = slot[q][-HEADER / 2];
+                least[q] = slot[q][-HEADER / 2 - 1];
                 jump[q] = least[q] + far[difference < 0 ? -difference : difference];
                 before[q] = *(const lanes*)(slot[q] - VECTOR);
                 now[q] = *(const lanes*)slot[q];
@@ -181,25 +182,27 @@ struct Steps {
                         __builtin_elementwise_min(lower, upper), penalty);
                     const lanes near = __builtin_elementwise_min(now[q], beside);
                     const lanes best = __builtin_elementwise_min(near, zero + jump[q]);
-                    const lanes l = __builtin_elementwise_add_sat(best - least[q], c);
+                    const lanes change = best - least[q];
+                    const lanes l = __builtin_elementwise_add_sat(change, c);
                     *(lanes*)(slot[q] + d) = l;
                     minimum[q] = __builtin_elementwise_min(minimum[q], l);
-                    sum += __builtin_convertvector(l, sums);
+                    sum += __builtin_convertvector(CHANGES ? change : l, sums);
                     before[q] = now[q];
                     now[q] = after;
                 }
                 *(sums*)(totals + d) = sum;
             }
 #pragma clang loop unroll(full)
-            for (int q = 0; q < paths; ++q) slot[q][-HEADER / 2] = __builtin_reduce_min(minimum[q]);
+            for (int q = 0; q < paths; ++q)
+                slot[q][-HEADER / 2 - 1] = __builtin_reduce_min(minimum[q]);
         }
     }
 
     // Add the totals of the pixels of a row to their sums of `depth` disparities, or store them.
-    static void collect(const Sweep& sweep, const unsigned short* totals, int padded, bool add,
-                        unsigned short* sums, int depth) {
+    static void collect(const Sweep& sweep, const TOTAL* totals, int padded, bool add, TOTAL* sums,
+                        int depth) {
         for (int j = sweep.begin; j < sweep.end; ++j, totals += padded) {
-            unsigned short* to = sums + ((size_t)sweep.row * sweep.columns + sweep.x(j)) * depth;
+            TOTAL* to = sums + ((size_t)sweep.row * sweep.columns + sweep.x(j)) * depth;
             if (add) {
 #pragma clang loop vectorize(assume_safety)
                 for (int d = 0; d < depth; ++d) to[d] += totals[d];

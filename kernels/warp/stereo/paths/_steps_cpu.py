@@ -47,9 +47,12 @@ class Number(NamedTuple):
     header: int
     """Numbers in a cache line."""
     largest: str
+    total: Any = wp.uint16
+    """The type of sums over paths: of L, or, if it is a byte, of L - C <= P2."""
 
 
 BYTE = Number(wp.uint8, 32, 64, "0xff")
+CHANGE = BYTE._replace(total=wp.uint8)
 WORD = Number(wp.uint16, 16, 32, "0xffff")
 
 
@@ -71,12 +74,12 @@ class Course:
 @lru_cache
 def work_of(number: Number) -> Any:
     """Return the struct of the threads' working memory."""
-    scalar = number.scalar
+    scalar, total = number.scalar, number.total
 
     @wp.struct
     class Work:
         costs: wp.array2d[scalar]  # (slabs, BLOCK padded)
-        totals: wp.array2d[wp.uint16]  # (slabs, BLOCK padded)
+        totals: wp.array2d[total]  # (slabs, BLOCK padded)
         slots: wp.array2d[scalar]  # (chains + 1, header + padded)
 
     return Work
@@ -90,6 +93,8 @@ def constants(paths: Paths, number: Number) -> dict[str, Any]:
         "VECTOR": n,
         "HEADER": number.header,
         "LARGEST": number.largest,
+        "TOTAL": number.total,
+        "CHANGES": int(number.total is wp.uint8),
         "BLOCK": BLOCK,
         "STRIP": STRIP,
         "STATE": STATE,
@@ -167,7 +172,7 @@ def lines(count: int, depth: int, number: Number, device: wp.Device) -> tuple[wp
     shape = (count, BLOCK * padded(depth))
     return (
         scratch("semi_global.costs", shape, number.scalar, device),
-        scratch("semi_global.totals", shape, wp.uint16, device),
+        scratch("semi_global.totals", shape, number.total, device),
     )
 
 

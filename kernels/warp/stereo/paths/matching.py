@@ -58,22 +58,25 @@ def match(
     pair = cpu.Pair()
     pair.bits, pair.gray = left
     pair.unfolded = _unfold(right, rule.first, count, parts)
-    sums = scratch("semi_global.sums", (kept, width, reach), wp.uint16, device)
     best = cpu.BestRight()
     row = (kept, width + 2 * reach)
     best.cost = scratch("winner.best", row, wp.uint16, device)
     best.place = place = scratch("winner.place", row, wp.uint16, device)
     launch_slabs(cpu.clear_right, kept, parts, [reach], [best.cost, place])
     number = steps.BYTE if LARGEST_MATCH_COST + penalties.most < 256 else steps.WORD
-    lines = steps.lines(parts, count, number, device)
     sweeps = steps.sweeps(paths)
+    if number is steps.BYTE and len(sweeps) == 2 and paths // 2 * penalties.most < 256:
+        number = steps.CHANGE
+    lines = steps.lines(parts, count, number, device)
+    sums = scratch("semi_global.sums", (kept, width, reach), number.total, device)
+    line = scratch("match.line", (parts, reach), wp.uint16, device)
     rule_struct, outputs = struct_of(WinnerRule, rule), struct_of(WinnerArrays, winners)
     for n, (some, step) in enumerate(sweeps):
         slots, tasks = steps.begin(some, number, (height, width, count), device)
         work = steps.work_of(number)()
         work.costs, work.totals, work.slots = *lines, slots
         course = steps.course_of(penalties, step, (n > 0, n < len(sweeps) - 1), top, tasks)
-        inputs = [pair, count, course, rule_struct, work, sums, best]
+        inputs = [pair, count, course, rule_struct, work, line, sums, best]
         launch_slabs(cpu.sweep(some, number), parts, parts, inputs, [outputs])
     launch_slabs(cpu.read_right, kept, parts, [count, place], [right_index])
 

@@ -6,8 +6,11 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
     const int size = 2 * radius + 1;
     const auto some = [&](int begin, auto width) __attribute__((always_inline)) {
         enum { LANES = decltype(width)::VALUE };
+        typedef typename decltype(width)::Number number;
         typedef float floats __attribute__((vector_size(4 * LANES), aligned(4)));
-        typedef int numbers __attribute__((vector_size(4 * LANES), aligned(4)));
+        typedef int masks __attribute__((vector_size(4 * LANES), aligned(4)));
+        typedef number numbers
+            __attribute__((vector_size(sizeof(number) * LANES), aligned(sizeof(number))));
         typedef unsigned char bytes __attribute__((vector_size(LANES), aligned(1)));
         // `sum` of a value is the weight of those before or equal to it. It begins with the weights
         // from its own place on.
@@ -19,41 +22,57 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
             const floats value = *(const floats*)(values[i] + begin);
             const numbers apart =
                 __builtin_convertvector(*(const bytes*)(grays[i] + begin), numbers) - center;
-            const numbers say = contrast - (apart < 0 ? -apart : apart);
+            const numbers say = (number)contrast - (apart < 0 ? -apart : apart);
             v[i] = value + 0.0f;  // no -0
-            weight[i] = (value == value) & (say > 1 ? say : 1 + (numbers){});
+            weight[i] = __builtin_convertvector(value == value, numbers) &
+                        (say > 1 ? say : 1 + (numbers){});
             rest += weight[i];
             sum[i] = rest;
         }
-        for (int i = 0; i < size; ++i) {
-            const floats one = v[i];
-            const numbers say = weight[i];
-            numbers total = sum[i];
-#pragma clang loop unroll_count(4)
-            for (int j = i + 1; j < size; ++j) {
-                const numbers before = one <= v[j];
-                total -= before & weight[j];
-                sum[j] += before & say;
+        // The size is odd: two values at a time are compared with those behind them.
+        for (int i = 0; i + 1 < size; i += 2) {
+            const floats one = v[i], two = v[i + 1];
+            const numbers first = weight[i], second = weight[i + 1];
+            const numbers both = __builtin_convertvector(one <= two, numbers);
+            numbers total = sum[i] - (both & second), other = sum[i + 1] + (both & first);
+#pragma clang loop unroll_count(2)
+            for (int j = i + 2; j < size; ++j) {
+                const floats value = v[j];
+                const numbers here = weight[j];
+                const numbers before = __builtin_convertvector(one <= value, numbers);
+                const numbers after = __builtin_convertvector(two <= value, numbers);
+                total -= before & here;
+                other -= after & here;
+                sum[j] += (before & first) + (after & second);
             }
-            sum[i] = total;
+            sum[i] = total, sum[i + 1] = other;
         }
-        floats best = __builtin_nanf("") + (floats){};
+        // The least value with enough weight; the others become NaN, which is never less.
+        const floats none = __builtin_nanf("") + (floats){};
+        floats best = __builtin_inff() + (floats){};
         for (int i = 0; i < size; ++i) {
-            const numbers enough = (weight[i] > 0) & (2 * sum[i] >= rest);
-            const numbers less = ~(best <= v[i]);
-            best = (enough & less) != 0 ? v[i] : best;
+            const masks few = __builtin_convertvector(2 * sum[i] < rest, masks);
+            const floats value = (floats)((masks)v[i] | few);
+            best = value < best ? value : best;
         }
+        best = __builtin_convertvector(rest == 0, masks) ? none : best;
         *(floats*)(to + begin) = best;
-    };
-    struct Many {
-        enum { VALUE = 16 };
     };
     struct One {
         enum { VALUE = 1 };
+        typedef int Number;
     };
-    for (int begin = 0; begin + Many::VALUE <= columns; begin += Many::VALUE) some(begin, Many());
+    struct Many : One {
+        enum { VALUE = 16 };
+    };
+    struct Small : Many {  // twice the sum of all weights is below 2^15
+        typedef short Number;
+    };
+    const bool small = contrast * 2 * MOST < 1 << 15;
+    const auto many = [&](int begin) { small ? some(begin, Small()) : some(begin, Many()); };
+    for (int begin = 0; begin + Many::VALUE <= columns; begin += Many::VALUE) many(begin);
     if (columns % Many::VALUE != 0 && columns > Many::VALUE) {
-        some(columns - Many::VALUE, Many());  // some for the second time
+        many(columns - Many::VALUE);  // some for the second time
         return;
     }
     for (int begin = 0; begin < columns % Many::VALUE; ++begin) some(begin, One());

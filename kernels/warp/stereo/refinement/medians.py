@@ -28,8 +28,8 @@ def guided_median(
     across = scratch("guided_median.across", (height, width), wp.float32, smooth.device)
     if smooth.device.is_cuda:
         along, down = cuda.medians(radius, contrast)
-        launch(along, height * -(-width // 2), [disparity, guide, contrast], [across])
-        launch(down, -(-height // 2) * width, [across, guide, contrast], [smooth])
+        launch(along, (height, -(-width // 2)), [disparity, guide, contrast], [across])
+        launch(down, (-(-height // 2), width), [across, guide, contrast], [smooth])
         return
     options = [guide, radius, contrast]
     count = slabs(height, smooth.size * (2 * radius + 1))
