@@ -67,7 +67,8 @@ def cost_kernels():
         yield windows.correlate_along(kept)
     for kept, out in ((word, byte), (word, word), (integer, real), (real, real)):
         yield windows.sum_along(kept, out)
-    yield from (census.distances, census.census_of_24)
+    yield census.distances
+    yield from map(census.census_of_24, (True, False))
     for words in matching.WORDS:
         yield matching.match_kernel(words)
 

@@ -173,7 +173,7 @@ def _peak(rt: Runtime, pixels: Any) -> float:
     key = int(rt.to_numpy(keys).max())
     if not key:
         return -np.inf
-    return float(floats_of(np.array([key - 2**32], np.int32))[0])
+    return float(floats_of(np.array([key - 2**31], np.int32))[0])
 
 
 class Scene:

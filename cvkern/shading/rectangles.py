@@ -42,22 +42,21 @@ def solve_by_kernels(rt: Runtime, slope: Any, depth: Any) -> None:
     rows = [rt.scratch(f"relief.rows{n}", (-(-height // 2), width, 2)) for n in range(2)]
     down, along = (Tables(*(rt.constant(t) for t in tables(n))) for n in (height, width))
 
-    def transform(fields: list[Any], waves: Any, axis: int, sign: float) -> None:
+    def transform(sign: float) -> None:
         before = 1
-        for radix in factors(depth.shape[axis]):
-            kernels.stage(fields[0], waves, radix, before, axis, sign, fields[1])
-            fields.reverse()
+        for radix in factors(height):
+            kernels.stage(columns[0], down.waves, radix, before, 0, sign, columns[1])
+            columns.reverse()
             before *= radix
 
     kernels.begin(slope, columns[0])
-    transform(columns, down.waves, 0, -1.0)
+    transform(-1.0)
     kernels.across(columns[0], down.quarters, rows[0])
-    transform(rows, along.waves, 1, -1.0)
-    kernels.divide(rows[0], along.quarters, down.values, along.values, rows[1])
-    rows.reverse()
-    transform(rows, along.waves, 1, 1.0)
-    kernels.back(rows[0], down.quarters, columns[0])
-    transform(columns, down.waves, 0, 1.0)
+    rt.shading.integration.rows.solve(
+        along.waves, along.quarters, factors(width), down.values, along.values, *rows
+    )
+    kernels.back(rows[1], down.quarters, columns[0])
+    transform(1.0)
     kernels.end(columns[0], depth)
 
 

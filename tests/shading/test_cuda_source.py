@@ -14,7 +14,7 @@ from cvkern.kernels.warp.shading import (
     recovery,
     rendering,
 )
-from cvkern.kernels.warp.shading.integration import cosines, equations, multigrid
+from cvkern.kernels.warp.shading.integration import _rows_cuda, cosines, equations, multigrid
 
 
 @pytest.mark.parametrize(
@@ -28,7 +28,7 @@ def test_compiles_for_hopper(module, tmp_path):
     assert "fma.rn.f32" not in text
 
 
-@pytest.mark.parametrize("name", ["solve", "rank", "weigh"])
+@pytest.mark.parametrize("name", ["solve", "rank", "weigh", "rows"])
 def test_native_code_compiles_for_hopper(name, tmp_path):
     """To machine code of the GPU with the least shared memory, too: there is enough."""
     kernels.start("cpu", None)
@@ -36,6 +36,7 @@ def test_native_code_compiles_for_hopper(name, tmp_path):
         "solve": _photometry_cuda.kernel(20),
         "rank": _robust_cuda.rank_kept,
         "weigh": _robust_cuda.weigh_kept,
+        "rows": _rows_cuda.solve_row,
     }
     module = made[name].module
     (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path / "ptx", use_ptx=True)

@@ -9,7 +9,7 @@ import taichi as ti
 
 from cvkern.kernels.codes.color import SATURATED, SLOTS
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi._order import ordered
+from cvkern.kernels.taichi._order import key_of
 from cvkern.kernels.taichi._rounding import product, root, wide_product
 from cvkern.kernels.taichi.raw._powers import log2
 
@@ -30,15 +30,14 @@ def _peak(image: f32_2, keys: i64_1):
             most = ti.max(most, image[i, c])
             finite = finite and ti.abs(image[i, c]) < ti.math.inf
         if finite:
-            key = ti.cast(ordered(ti.bit_cast(most, ti.i32)), ti.i64) + ti.i64(2**32)
-            ti.atomic_max(keys[i % SLOTS], key)
+            ti.atomic_max(keys[i % SLOTS], key_of(most))
 
 
 @primitive
 def peak(image: np.ndarray, keys: np.ndarray) -> None:
     """Find the largest value of (N, 3) finite pixels, as SLOTS keys; one thread a pixel.
 
-    A key is the bits as an integer of the same order, plus 2^32; 0 stands for no pixel.
+    Keys are those of `key_of`; 0 stands for no pixel.
     """
     _peak(image, keys)
 

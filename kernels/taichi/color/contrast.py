@@ -10,7 +10,7 @@ import taichi as ti
 
 from cvkern.kernels.codes.color import LEVELS, SLOTS, TONES
 from cvkern.kernels.taichi._launch import primitive
-from cvkern.kernels.taichi._order import ordered
+from cvkern.kernels.taichi._order import key_of
 from cvkern.kernels.taichi._rounding import product, quotient, wide_product
 
 any_1 = ti.types.ndarray(ndim=1)  # u8 or u16
@@ -91,7 +91,7 @@ def _survey(image: f32_1, keys: i64_2):
     for i in range(image.shape[0]):
         value = image[i]
         if ti.abs(value) < ti.math.inf:
-            key = ti.cast(ordered(ti.bit_cast(value, ti.i32)), ti.i64) + ti.i64(2**31)
+            key = key_of(value)
             ti.atomic_max(keys[i % SLOTS, 0], ti.i64(2**32) - key)
             ti.atomic_max(keys[i % SLOTS, 1], key)
         else:
@@ -102,9 +102,8 @@ def _survey(image: f32_1, keys: i64_2):
 def survey(image: np.ndarray, keys: np.ndarray) -> None:
     """Find both ends of (N,) finite values, and whether there are others: keys (SLOTS, 3).
 
-    A key is the bits of a value as an integer of the same order, plus 2^31; that of the least is
-    taken off 2^32, so that all are maxima. The last is 1 where a value is not finite. One thread a
-    value.
+    Keys are those of `key_of`; that of the least is taken off 2^32, so that all are maxima. The
+    last is 1 where a value is not finite. One thread a value.
     """
     _survey(image, keys)
 

@@ -11,7 +11,7 @@ import taichi as ti
 
 from cvkern.kernels.codes.raw import GREYS, GROUP, MOVES, PARTS
 from cvkern.kernels.taichi._launch import primitive, scratch
-from cvkern.kernels.taichi._order import ordered
+from cvkern.kernels.taichi._order import key_of
 from cvkern.kernels.taichi._rounding import product
 
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -33,7 +33,7 @@ def _mix(frames: any_3, share: ti.f32, zero: ti.i32, grey: f32_2, ends: i64_2):
             total += v if ti.abs(v) < 1e30 else 0.0
         mean = product(total, share, zero)
         grey[k, i] = mean
-        key = ti.cast(ordered(ti.bit_cast(mean, ti.i32)), ti.i64) + ti.i64(2**31)
+        key = key_of(mean)
         ti.atomic_max(ends[k, 0], ti.i64(2**32) - key)
         ti.atomic_max(ends[k, 1], key)
 
@@ -42,8 +42,7 @@ def _mix(frames: any_3, share: ti.f32, zero: ti.i32, grey: f32_2, ends: i64_2):
 def mix(frames: np.ndarray, share: float, grey: np.ndarray, ends: np.ndarray) -> None:
     """Write the means of (K, N, C) values, each with its share, and the keys of both ends, (K, 2).
 
-    A key is the bits of a float32 as an integer of the same order, plus 2^31; that of the least is
-    taken off 2^32, so that both are maxima.
+    Keys are those of `key_of`; that of the least is taken off 2^32, so that both are maxima.
     """
     _mix(frames, share, 0, grey, ends)
 

@@ -1,5 +1,6 @@
 // Histograms on CUDA. A block counts in shared memory, and adds its counts to those of all. Equal
 // neighbours are counted together: most pictures are smooth, and atomics on one place wait in turn.
+// Places fit an int: the API takes at most 2^29 values.
 
 // A thread has GROUP levels at once. Without BINS, there are too many for shared memory.
 // needs LEVEL, BINS, GROUP

@@ -9,7 +9,7 @@ import warp as wp
 
 from cvkern.kernels.codes.color import SATURATED, SLOTS
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
-from cvkern.kernels.warp._order import ordered
+from cvkern.kernels.warp._order import key_of
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -21,7 +21,7 @@ _SATURATED = wp.constant(wp.float64(SATURATED))
 def peak(image: wp.array, keys: wp.array) -> None:
     """Find the largest value of (N, 3) finite pixels, as SLOTS keys.
 
-    A key is the bits as an integer of the same order, plus 2^32; 0 stands for no pixel.
+    Keys are those of `key_of`; 0 stands for no pixel.
     """
     count = image.shape[0]
     if image.device.is_cuda:
@@ -89,8 +89,7 @@ def _peak(
         b = image[i, 1]
         c = image[i, 2]
         if wp.isfinite(a) and wp.isfinite(b) and wp.isfinite(c):
-            bits = wp.cast(wp.max(wp.max(a, b), c), wp.int32)
-            best = wp.max(best, wp.int64(ordered(bits)) + wp.int64(4294967296))
+            best = wp.max(best, key_of(wp.max(wp.max(a, b), c)))
     wp.atomic_max(keys, (slab + wp.tid()) % _SLOTS, best)
 
 

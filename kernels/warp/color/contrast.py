@@ -9,7 +9,7 @@ import warp as wp
 
 from cvkern.kernels.codes.color import SLOTS, TONES
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs, view
-from cvkern.kernels.warp._order import ordered
+from cvkern.kernels.warp._order import key_of
 from cvkern.kernels.warp.color import _contrast_cpu as cpu
 from cvkern.kernels.warp.color import _contrast_cuda as cuda
 
@@ -59,8 +59,8 @@ def extent(found: wp.array, ends: wp.array) -> None:
 def survey(image: wp.array, keys: wp.array) -> None:
     """Find both ends of (N,) finite values, and whether there are others: keys (SLOTS, 3).
 
-    A key is the bits of a value as an integer of the same order, plus 2^31; that of the least is
-    taken off 2^32, so that all are maxima. The last is 1 where a value is not finite.
+    Keys are those of `key_of`; that of the least is taken off 2^32, so that all are maxima. The
+    last is 1 where a value is not finite.
     """
     count = image.shape[0]
     if image.device.is_cuda:
@@ -167,11 +167,6 @@ def curve(
     launch_each(_curve, out.shape[0], 8 * out.size, [image, centres, heights, slopes], [out])
 
 
-@wp.func
-def _key(value: float):
-    return wp.int64(ordered(wp.cast(value, wp.int32))) + wp.int64(2147483648)
-
-
 @wp.kernel
 def _survey(
     slab: int,
@@ -194,8 +189,8 @@ def _survey(
             others = wp.int64(1)
     slot = (slab + wp.tid()) % _SLOTS
     if least <= most:
-        wp.atomic_max(keys, slot, 0, wp.int64(4294967296) - _key(least))
-        wp.atomic_max(keys, slot, 1, _key(most))
+        wp.atomic_max(keys, slot, 0, wp.int64(4294967296) - key_of(least))
+        wp.atomic_max(keys, slot, 1, key_of(most))
     wp.atomic_max(keys, slot, 2, others)
 
 

@@ -122,18 +122,20 @@ void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma
     }
 }
 
-// All small levels of a plane, in one block.
-// needs PART
+// All small levels of a plane, in one block, which keeps each for the next in shared memory.
+// needs PART, REST
 void reduce_rest(int planes, int count, wp::array_t<float> src, wp::array_t<float> a,
                  wp::array_t<float> b, wp::array_t<float> c, wp::array_t<float> d,
                  wp::array_t<float> e, wp::array_t<float> f, wp::array_t<float> g) {
     float* const levels[8] = {src.data, a.data, b.data, c.data, d.data, e.data, f.data, g.data};
+    __shared__ float large[REST], small[REST];
     for (int plane = blockIdx.x; plane < planes; plane += gridDim.x) {
         int height = src.shape[1], width = src.shape[2];
 #pragma unroll 1
         for (int n = 0; n < count; ++n) {
             const int tall = (height + 1) / 2, wide = (width + 1) / 2;
-            const float* from = levels[n] + (size_t)plane * height * width;
+            float *kept = n % 2 ? small : large, *before = n % 2 ? large : small;
+            const float* from = n ? before : src.data + (size_t)plane * height * width;
             float* to = levels[n + 1] + (size_t)plane * tall * wide;
             for (int i = threadIdx.x; i < tall * wide; i += blockDim.x) {
                 const int y = i / wide, x = i % wide;
@@ -147,7 +149,7 @@ void reduce_rest(int planes, int count, wp::array_t<float> src, wp::array_t<floa
                     line[k] = Pyramid::weigh(at[rows[0]], at[rows[1]], at[rows[2]], at[rows[3]],
                                              at[rows[4]]);
                 }
-                to[i] = Pyramid::weigh(line[0], line[1], line[2], line[3], line[4]);
+                to[i] = kept[i] = Pyramid::weigh(line[0], line[1], line[2], line[3], line[4]);
             }
             __syncthreads();
             height = tall;

@@ -61,7 +61,7 @@ def begin_strips(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART, REST=REST)
 def reduce_rest(
     planes: int,
     count: int,

@@ -9,10 +9,11 @@
 void blend_four(wp::array_t<float> coarse, int alone, wp::array_t<float> fine) {
     const int height = fine.shape[1], width = fine.shape[2], end = fine.shape[0] - CHANNELS;
     const Shares shares = {end, alone != 0};
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x;
-         item < (height + 1) / 2 * ((width + 1) / 2); item += gridDim.x * blockDim.x)
-        for (int c = 0; c < CHANNELS; ++c)
-            shares.add(fine.data, coarse.data, c, item, height, width);
+    // Levels are small: a thread has one channel, so that there are more of them.
+    const int squares = (height + 1) / 2 * ((width + 1) / 2);
+    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < CHANNELS * squares;
+         item += gridDim.x * blockDim.x)
+        shares.add(fine.data, coarse.data, item / squares, item % squares, height, width);
 }
 
 // All small levels of a channel, in one block: of `count` the last is the smallest.
@@ -37,7 +38,9 @@ void blend_rest(int count, wp::array_t<float> a, wp::array_t<float> b, wp::array
     }
 }
 
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+// A warp's values of a row lie side by side. They go through shared memory, so that whole sectors
+// are written: those of a lane are parts of several.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, WARPS
 void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights,
                  wp::array_t<float> coarse, int alone, wp::array_t<float> out) {
     struct alignas(2 * sizeof(TYPE)) Two {
@@ -46,16 +49,23 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
     const int height = out.shape[0], width = out.shape[1], count = frames.shape[0];
     const int tall = coarse.shape[1], wide = coarse.shape[2];
     const size_t size = (size_t)height * width, small = (size_t)tall * wide;
+    // Bytes become floats as the lower bits of 2^23: conversions are slow.
     const auto value = [=](TYPE v) {
+        if (INTEGRAL) return (__uint_as_float(0x4b000000u | (unsigned)v) - 8388608.0f) * scale;
         const float x = (float)v * scale;
-        return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
+        return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
-    const int columns = (width + 1) / 2;
-    const bool aligned = width % 2 == 0 && ((size_t)frames.data & (2 * sizeof(TYPE) - 1)) == 0 &&
-                         ((size_t)out.data & 7) == 0;
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < (height + 1) / 2 * columns;
-         item += gridDim.x * blockDim.x) {
-        const int y = item / columns, x = item % columns;
+    enum { CHUNKS = 16 * CHANNELS };
+    __shared__ float4 shared[WARPS][2 * CHUNKS];
+    const int columns = (width + 1) / 2, strips = (columns + 31) / 32, lane = threadIdx.x % 32;
+    const bool aligned = width % 2 == 0 && ((size_t)frames.data & (2 * sizeof(TYPE) - 1)) == 0;
+    const bool whole = width % 4 == 0 && ((size_t)out.data & 15) == 0;
+    float4* chunks = shared[threadIdx.x / 32];
+    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < (height + 1) / 2 * strips;
+         item += gridDim.x * blockDim.x / 32) {
+        // Lanes beyond the row do the work of its last one, and write nothing.
+        const int y = item / strips, begin = item % strips * 32;
+        const int x = begin + lane < columns ? begin + lane : columns - 1;
         const Square square(y, x, height, width, tall, wide);
         float total[CHANNELS][4], other[4] = {0.0f, 0.0f, 0.0f, 0.0f};
 #pragma unroll
@@ -97,10 +107,7 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
 #pragma unroll
         for (int r = 0; r < 2; ++r) {
             if (r && !square.lower) continue;
-            union {
-                float v[2 * CHANNELS];
-                float2 pairs[CHANNELS];
-            } found;
+            float found[2 * CHANNELS];
 #pragma unroll
             for (int i = 0; i < 2; ++i)
 #pragma unroll
@@ -109,15 +116,27 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
                     const float f = total[c][2 * r + i], above = 1.0f - f;
                     const float power = STEEP * (f < above ? f : above) - 1.0f;
                     const float bent = 1.0f / STEEP * Powers::exp2(1.44269504f * power);
-                    found.v[i * CHANNELS + c] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
+                    found[i * CHANNELS + c] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
                 }
-            float* to = out.data + ((size_t)(2 * y + r) * width + 2 * x) * CHANNELS;
-            if (aligned) {
+            if (whole) {
+                float2* to = (float2*)(chunks + r * CHUNKS) + CHANNELS * lane;
 #pragma unroll
-                for (int i = 0; i < CHANNELS; ++i) ((float2*)to)[i] = found.pairs[i];
-            } else {
-                for (int i = 0; i < (square.right ? 2 : 1) * CHANNELS; ++i) to[i] = found.v[i];
+                for (int i = 0; i < CHANNELS; ++i)
+                    to[i] = make_float2(found[2 * i], found[2 * i + 1]);
+            } else if (begin + lane < columns) {
+                float* to = out.data + ((size_t)(2 * y + r) * width + 2 * x) * CHANNELS;
+                for (int i = 0; i < (square.right ? 2 : 1) * CHANNELS; ++i) to[i] = found[i];
             }
         }
+        if (!whole) continue;
+        __syncwarp();
+        const int some = min(columns - begin, 32) * CHANNELS / 2;
+#pragma unroll
+        for (int k = lane; k < 2 * CHUNKS; k += 32) {
+            const int r = k / CHUNKS, at = k % CHUNKS;
+            float4* to = (float4*)(out.data + ((size_t)(2 * y + r) * width + 2 * begin) * CHANNELS);
+            if (2 * y + r < height && at < some) to[at] = chunks[k];
+        }
+        __syncwarp();
     }
 }

@@ -11,6 +11,8 @@ from cvkern.kernels.warp._launch import BLOCK
 from cvkern.kernels.warp.raw._bands_cuda import OPTIONS, PART, THREADS
 from cvkern.kernels.warp.raw._types import constants
 
+KEPT = 4  # exposures whose weights stay in shared memory until all are known: 32 KiB
+
 
 class Fusion(NamedTuple):
     """The kernels for frames of one type."""
@@ -38,7 +40,9 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     """Make the kernels for frames of a type."""
     own = {"PART": PART, **names(scalar, channels)}
 
-    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), **own)
+    @_native.kernel(
+        "_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), BLOCK=BLOCK, KEPT=KEPT, **own
+    )
     def weigh_block(
         frames: wp.array4d[scalar],
         scale: float,
@@ -95,7 +99,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), WARPS=BLOCK // 32, **own)
     def finish_four(
         frames: wp.array4d[scalar],
         scale: float,

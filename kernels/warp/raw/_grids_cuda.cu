@@ -44,7 +44,7 @@ void fill_cells(wp::array_t<float> logs, float lowest, float space, float depth,
                     total = count = 0;
                     z = deep;
                 }
-                total += (long long)floorf(off[n] * STEPS + 0.5f);
+                total += __float2int_rd(off[n] * STEPS + 0.5f);  // below 2^29
                 ++count;
             }
         }

@@ -13,6 +13,7 @@ struct Shares {
         const Square square(item / wide, item % wide, height, width, tall, wide);
         float total[4] = {0.0f, 0.0f, 0.0f, 0.0f}, other[4] = {0.0f, 0.0f, 0.0f, 0.0f};
         if (!alone) square.expand(coarse + (end + c) * small, total);
+#pragma unroll 3
         for (int plane = 0; plane < end; plane += CHANNELS + 1) {
             float own[4], share[4];
             square.read(fine + (plane + c) * size, own);

@@ -2,7 +2,7 @@
 // Levels of pyramids on CUDA. A warp makes the next smaller level of a strip of columns, from the top
 // down: each lane has four columns of the larger level and two of the smaller one, and the outer
 // lanes only help. A thread makes two by two values of the next larger level. The sums are those of
-// _pyramid.h.
+// _pyramid.h. Places within a plane fit an int: the API takes at most 2^29 values.
 // needs PART
 struct Strip {
     enum { LANES = 30, WIDE = 2 * LANES };  // columns are those of the smaller level

@@ -3,22 +3,26 @@
 // `share` of a block, to one of SLOTS rows. All threads of the block must call `share`.
 // needs STEPS, SLOTS
 struct Sums {
-    long long parts[4];  // the sum, the number, the largest of 2^32 less, and of 2^32 more
+    enum { NONE = 1 << 30 };  // steps beyond those of any logarithm
+    long long total;
+    int number, least, most;
 
-    CUDA_CALLABLE Sums() { parts[0] = parts[1] = parts[2] = parts[3] = 0; }
+    CUDA_CALLABLE Sums() : total(0), number(0), least(NONE), most(-NONE) {}
 
     CUDA_CALLABLE void add(float value) {
         if (!(value > -500.0f)) return;
-        const long long fixed = (long long)floorf(value * STEPS + 0.5f);
-        const long long low = 4294967296ll - fixed, high = 4294967296ll + fixed;
-        parts[0] += fixed;
-        parts[1] += 1;
-        parts[2] = parts[2] > low ? parts[2] : low;
-        parts[3] = parts[3] > high ? parts[3] : high;
+        const int fixed = __float2int_rd(value * STEPS + 0.5f);
+        total += fixed;
+        ++number;
+        least = min(least, fixed);
+        most = max(most, fixed);
     }
 
     CUDA_CALLABLE void share(wp::int64* sums) {
         __shared__ unsigned long long all[4];
+        // The sum, the number, the largest of 2^32 less, and of 2^32 more.
+        const long long none = 4294967296ll;
+        long long parts[4] = {total, number, number ? none - least : 0, number ? none + most : 0};
         if (threadIdx.x < 4) all[threadIdx.x] = 0;
         __syncthreads();
         for (int step = 16; step; step /= 2)

@@ -5,8 +5,11 @@
 #include "_pyramid.h"
 #include "_strips_cuda.h"
 
-// A thread has four pixels of ROWS rows, of one exposure after the other.
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
+// A thread has four pixels of ROWS rows, of one exposure after the other. The weights of the first
+// KEPT exposures stay in shared memory until their sum is known. Conversions, divisions and square
+// roots take longest: bytes become floats as the lower bits of 2^23, and quotients by one number share
+// its reciprocal.
+// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, BLOCK, KEPT
 void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float saturation,
                  float exposure, wp::array_t<float> weights) {
     enum { ROWS = 2, QUICK = INTEGRAL && CHANNELS == 3 };
@@ -29,6 +32,17 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
         const SUM c = INTEGRAL ? (SUM)v[CHANNELS - 1] : (SUM)value(v[CHANNELS - 1]);
         return (SUM)((SUM)(a + b) + c);
     };
+    const auto real = [=](TYPE v) {
+        return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - 8388608.0f : value(v);
+    };
+    // a / b, rounded as IEEE has it, from the rounded 1 / b [Markstein 1990]. The first correction
+    // is right but for a unit in the last place. Neither it nor the operands may underflow.
+    const auto quotient = [](float a, float b, float reciprocal) {
+        float q = a * reciprocal;
+        q = __fmaf_rn(__fmaf_rn(-b, q, a), reciprocal, q);
+        return __fmaf_rn(__fmaf_rn(-b, q, a), reciprocal, q);
+    };
+    __shared__ float4 kept[KEPT][ROWS][BLOCK];
     const auto power = [](float x, float p) {
         if (p == 1.0f) return x;
         return p == 0.0f ? 1.0f : x > 1e-30f ? Powers::exp2(p * Powers::log2(x)) : 0.0f;
@@ -86,44 +100,68 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
                 for (int i = 0; i < 4; ++i) {
                     // The quotient is exact where all are equal: grey has no saturation.
                     const SUM centre = grey[r + 1][i + 1];
-                    const float own = (float)centre;
-                    const float here = (CHANNELS == 1 ? own : own / 3.0f) * scale;
+                    const float own =
+                        INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)centre) - 8388608.0f
+                                 : (float)centre;
+                    const float mean = CHANNELS == 1 ? own
+                                       : INTEGRAL    ? quotient(own, 3.0f, third)
+                                                     : own / 3.0f;
+                    const float here = mean * scale;
                     const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
                     const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
-                    const float off = (float)(SUM)(around - 4 * centre);
+                    const SUM bend = around - 4 * centre;
+                    const float off =
+                        INTEGRAL
+                            ? __uint_as_float(0x4b000000u | (unsigned)abs((int)bend)) - 8388608.0f
+                            : fabsf((float)bend);
                     float far = 0.0f, apart = 0.0f;
                     for (int c = 0; c < CHANNELS; ++c) {
-                        const float v = value(pixels[r + 1].v[i * CHANNELS + c]) * scale;
+                        const float v = real(pixels[r + 1].v[i * CHANNELS + c]) * scale;
                         far += (v - 0.5f) * (v - 0.5f);
                         apart += (v - here) * (v - here);
                     }
-                    const float edge = power((off < 0.0f ? -off : off) * share, contrast);
+                    const float edge = power(off * share, contrast);
                     const float spread =
                         power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
                     found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
                     total[r][i] += found[i];
                 }
                 float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                if (whole && width % 4 == 0)
+                if (k < KEPT)
+                    kept[k][r][threadIdx.x] = make_float4(found[0], found[1], found[2], found[3]);
+                else if (whole && width % 4 == 0)
                     *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
                 else
                     for (int i = 0; i < 4; ++i)
                         if (begin + i < width) to[i] = found[i];
             }
         }
-        for (int k = 0; k < count; ++k)
-            for (int r = 0; r < ROWS; ++r) {
-                if (top + r >= height) continue;
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (top + r >= height) continue;
+            float reciprocal[4];
+            for (int i = 0; i < 4; ++i) reciprocal[i] = 1.0f / total[r][i];
+            for (int k = 0; k < count; ++k) {
                 float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                if (whole && width % 4 == 0) {
-                    const float4 v = *(const float4*)to;
-                    *(float4*)to = make_float4(v.x / total[r][0], v.y / total[r][1],
-                                               v.z / total[r][2], v.w / total[r][3]);
-                } else {
+                union {
+                    float4 four;
+                    float v[4];
+                } found;
+                if (k < KEPT)
+                    found.four = kept[k][r][threadIdx.x];
+                else
+                    for (int i = 0; i < 4; ++i) found.v[i] = begin + i < width ? to[i] : 0.0f;
+                for (int i = 0; i < 4; ++i)
+                    found.v[i] = total[r][i] < 1e20f
+                                     ? quotient(found.v[i], total[r][i], reciprocal[i])
+                                     : found.v[i] / total[r][i];
+                if (whole && width % 4 == 0)
+                    *(float4*)to = found.four;
+                else
                     for (int i = 0; i < 4; ++i)
-                        if (begin + i < width) to[i] = to[i] / total[r][i];
-                }
+                        if (begin + i < width) to[i] = found.v[i];
             }
+        }
     }
 }
 

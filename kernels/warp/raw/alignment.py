@@ -15,7 +15,7 @@ import warp as wp
 from cvkern.kernels.codes.raw import GREYS, GROUP, MOVES, PARTS
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
-from cvkern.kernels.warp._order import ordered
+from cvkern.kernels.warp._order import key_of
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 wp.set_module_options(OPTIONS)
@@ -30,8 +30,7 @@ _DOWN, _ALONG = (wp.constant(_Each(*steps)) for steps in zip(*MOVES, strict=True
 def mix(frames: wp.array, share: float, grey: wp.array, ends: wp.array) -> None:
     """Write the means of (K, N, C) values, each with its share, and the keys of both ends, (K, 2).
 
-    A key is the bits of a float32 as an integer of the same order, plus 2^31; that of the least is
-    taken off 2^32, so that both are maxima.
+    Keys are those of `key_of`; that of the least is taken off 2^32, so that both are maxima.
     """
     images, pixels = grey.shape
     each = min(_THREADS, pixels) if grey.device.is_cuda else 1
@@ -148,7 +147,7 @@ def _mix(scalar: Any) -> wp.Kernel:
                         total += v
                 mean = total * share
                 grey[k, i] = mean
-                key = wp.int64(ordered(wp.cast(mean, wp.int32))) + wp.int64(2147483648)
+                key = key_of(mean)
                 low = wp.max(low, wp.int64(4294967296) - key)
                 high = wp.max(high, key)
             wp.atomic_max(ends, k, 0, low)

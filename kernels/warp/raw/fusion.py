@@ -72,7 +72,7 @@ def blend(levels: Sequence[wp.array], channels: int) -> None:
         fine, inputs = levels[n], [levels[n if alone else n + 1], int(alone)]
         _, rows, columns = fine.shape
         if fine.device.is_cuda:
-            squares = -(-rows // 2) * -(-columns // 2)
+            squares = channels * -(-rows // 2) * -(-columns // 2)
             launch(kernels(wp.float32, channels).blend, cuda.threads(squares), inputs, [fine])
         else:
             _blend(channels).launch(rows, columns, 4 * fine.size, inputs, [fine])
@@ -93,8 +93,8 @@ def finish(
     rows, columns, channels = out.shape
     inputs = [frames, scale, weights, coarse, alone]
     if out.device.is_cuda:
-        squares = -(-rows // 2) * -(-columns // 2)
-        launch(kernels(frames.dtype, channels).finish, cuda.threads(squares), inputs, [out])
+        warps = -(-rows // 2) * -(-columns // 64)
+        launch(kernels(frames.dtype, channels).finish, cuda.threads(32 * warps), inputs, [out])
         return
     kernel = _finish(frames.dtype, channels)
     kernel.launch(rows, columns, 4 * frames.size, inputs, [out])

@@ -19,32 +19,31 @@ void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t
         own[k * threads] = inside && finite && value < limit ? value * scales.data[k] : none;
     }
     for (int first = 0; first < count; first += MANY) {
-        float values[MANY];
-        int below[MANY];
+        float values[MANY], below[MANY];  // floats: comparisons keep the units of integers busy
 #pragma unroll
         for (int n = 0; n < MANY; ++n) {
             values[n] = first + n < count ? own[(first + n) * threads] : none;
-            below[n] = 0;
+            below[n] = 0.0f;
         }
         for (int j = 0; j < first; ++j) {
             const float other = own[j * threads];
 #pragma unroll
-            for (int n = 0; n < MANY; ++n) below[n] += other <= values[n];
+            for (int n = 0; n < MANY; ++n) below[n] += other <= values[n] ? 1.0f : 0.0f;
         }
         for (int j = first + MANY; j < count; ++j) {
             const float other = own[j * threads];
 #pragma unroll
-            for (int n = 0; n < MANY; ++n) below[n] += other < values[n];
+            for (int n = 0; n < MANY; ++n) below[n] += other < values[n] ? 1.0f : 0.0f;
         }
 #pragma unroll
         for (int n = 0; n < MANY; ++n) {
             if (first + n >= count) continue;
 #pragma unroll
             for (int m = 0; m < MANY; ++m)
-                below[n] += m < n ? values[m] <= values[n] : values[m] < values[n];
+                below[n] += (m < n ? values[m] <= values[n] : values[m] < values[n]) ? 1.0f : 0.0f;
             const bool left_out = !(values[n] == values[n]);
             ranks.data[(first + n) * plane + here] =
-                (unsigned short)(left_out ? LEFT_OUT : below[n]);
+                (unsigned short)(left_out ? LEFT_OUT : (int)below[n]);
         }
     }
 }

@@ -1,9 +1,10 @@
 // The steps that interpolate red or blue beside green, whose samples are at (row, column) of cells.
-// Planes: samples, results in 1 and 2, green in 3, then what the steps hand on.
+// Planes: samples, results in 1 and 2, green in 3, then what the steps hand on. With FEW steps, those
+// that add up windows are left out.
 #include "_fit.h"
 #include "_settled.h"
 
-// needs PART, PRIOR, STEADY, DEVIATIONS, WINDOWS, TENTATIVE, DIAGONAL
+// needs PART, PRIOR, STEADY, FEW, DEVIATIONS, WINDOWS, TENTATIVE, DIAGONAL
 void _chroma(int row, int left, int right, int step, int margin, int own_row, int own_column,
              int result, wp::array_t<float> planes) {
 #pragma clang fp contract(off)
@@ -29,7 +30,7 @@ void _chroma(int row, int left, int right, int step, int margin, int own_row, in
             u[x] = p[x] - mean(p + x);
             v[x] = g[x] - mean(g + x);
         }
-    } else if (step == WINDOWS) {
+    } else if (!FEW && step == WINDOWS) {
         enum { COLUMNS = PART / 2 + 5, SUMS = 8 };
         float sums[SUMS][COLUMNS];
         const int rows = here ? 3 : 4, top = here ? -2 : -3;
@@ -77,7 +78,7 @@ void _chroma(int row, int left, int right, int step, int margin, int own_row, in
                 }
             }
         }
-    } else if (step == TENTATIVE) {
+    } else if (!FEW && step == TENTATIVE) {
         float sums[3][PART + 6];
         for (int begin = left; begin < right; begin += PART) {
             const int count = right - begin < PART ? right - begin : PART;

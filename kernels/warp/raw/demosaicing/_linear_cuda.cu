@@ -4,7 +4,7 @@
 
 #include "../_mirror.h"
 
-// needs TYPE, INTEGRAL, HIGHEST, SHARP, RED_ROW, RED_COLUMN, PART, ROWS
+// needs TYPE, INTEGRAL, HIGHEST, SHARP, RED_ROW, RED_COLUMN, PART, ROWS, WARPS
 void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     struct alignas(sizeof(TYPE) * PART > 16 ? 16 : sizeof(TYPE) * PART) Samples {
         TYPE v[PART];
@@ -20,22 +20,33 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     const auto real = [=](TYPE v) {
         return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
     };
-    const auto rounded = [=](float value) {
-        if (!INTEGRAL) return (TYPE)value;
-        const float within = fminf(fmaxf(value + 0.5f, 0.0f), (float)HIGHEST);
+    // Sums of integers are exact in any order, fused or not.
+    const auto add = [](float a, float x, float b) {
+        return INTEGRAL ? __fmaf_rn(a, x, b) : a * x + b;
+    };
+    const auto rounded = [=](float share, float sum) {
+        if (!INTEGRAL) return (TYPE)(share * sum);
+        const float within = fminf(fmaxf(add(share, sum, 0.5f), 0.0f), (float)HIGHEST);
         return (TYPE)__float_as_uint(__fadd_rz(within, shift));
     };
     // A sample itself is an integer within the range.
     const auto same = [=](float value) {
         return INTEGRAL ? (TYPE)__float_as_uint(value + shift) : (TYPE)value;
     };
-    const int height = raw.shape[0], width = raw.shape[1];
-    const int parts = (width + PART - 1) / PART;
-    const int items = (height + ROWS - 1) / ROWS * parts;
+    // A warp's colours of a row lie side by side. They go through shared memory, so that whole
+    // sectors are written: those of a lane are parts of several.
+    enum { CHUNKS = 32 * sizeof(Colours) / 16 };
+    __shared__ uint4 shared[WARPS][ROWS * CHUNKS];
+    const int height = raw.shape[0], width = raw.shape[1], lane = threadIdx.x % 32;
+    const int strips = (width + 32 * PART - 1) / (32 * PART);
+    const int items = (height + ROWS - 1) / ROWS * strips;
     const bool aligned = (((size_t)raw.data | (size_t)colours.data) & 15) == 0 && width % PART == 0;
-    for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
-         item += gridDim.x * blockDim.x) {
-        const int top = item / parts * ROWS, begin = item % parts * PART;
+    const bool whole = aligned && width * 3 * sizeof(TYPE) % 16 == 0;
+    uint4* chunks = shared[threadIdx.x / 32];
+    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < items;
+         item += gridDim.x * blockDim.x / 32) {
+        const int top = item / strips * ROWS, left = item % strips * 32 * PART;
+        const int begin = left + lane * PART;
         const bool inner = aligned && begin >= 2 && begin + PART + 2 <= width;
         float near[ROWS + 4][PART + 4];
         const auto read = [&](int k) {
@@ -73,22 +84,29 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
                 const float c = n[2][2], h = n[2][1] + n[2][3], v = n[1][2] + n[3][2];
                 const float d = (n[1][1] + n[1][3]) + (n[3][1] + n[3][3]);
                 const float far_h = n[2][0] + n[2][4], far_v = n[0][2] + n[4][2];
-                float cross = 0.25f * (h + v), across = 0.5f * h, down = 0.5f * v,
-                      corners = 0.25f * d;
+                const float all = h + v;
+                float cross = all, across = h, down = v, corners = d;
                 if (SHARP) {
-                    cross = 0.125f * ((4.0f * c + 2.0f * (h + v)) - (far_h + far_v));
-                    across = 0.125f * (((5.0f * c + 4.0f * h) - (d + far_h)) + 0.5f * far_v);
-                    down = 0.125f * (((5.0f * c + 4.0f * v) - (d + far_v)) + 0.5f * far_h);
-                    corners = 0.125f * ((6.0f * c + 2.0f * d) - 1.5f * (far_h + far_v));
+                    const float far = far_h + far_v;
+                    cross = add(2.0f, all, 4.0f * c) - far;
+                    across = add(0.5f, far_v, add(4.0f, h, 5.0f * c) - (d + far_h));
+                    down = add(0.5f, far_h, add(4.0f, v, 5.0f * c) - (d + far_v));
+                    corners = add(-1.5f, far, add(2.0f, d, 6.0f * c));
                 }
+                const float share = SHARP ? 0.125f : 0.25f, half = SHARP ? 0.125f : 0.5f;
                 const bool chroma = (i & 1) == column;
-                found.v[3 * i + (blue ? 2 : 0)] = chroma ? same(c) : rounded(across);
-                found.v[3 * i + 1] = chroma ? rounded(cross) : same(c);
-                found.v[3 * i + (blue ? 0 : 2)] = rounded(chroma ? corners : down);
+                found.v[3 * i + (blue ? 2 : 0)] = chroma ? same(c) : rounded(half, across);
+                found.v[3 * i + 1] = chroma ? rounded(share, cross) : same(c);
+                found.v[3 * i + (blue ? 0 : 2)] =
+                    rounded(chroma ? share : half, chroma ? corners : down);
+            }
+            if (whole) {
+                ((Colours*)(chunks + r * CHUNKS))[lane] = found;
+                continue;
             }
             TYPE* to = colours.data + ((size_t)(top + r) * width + begin) * 3;
             if (aligned) {
-                *(Colours*)to = found;
+                if (begin < width) *(Colours*)to = found;
                 continue;
             }
 #pragma unroll
@@ -98,5 +116,16 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
                 for (int c = 0; c < 3; ++c) to[3 * i + c] = found.v[3 * i + c];
             }
         }
+        if (!whole) continue;
+        __syncwarp();
+        const int columns = width - left < 32 * PART ? width - left : 32 * PART;
+        const int some = columns * 3 * sizeof(TYPE) / 16;
+#pragma unroll
+        for (int k = lane; k < ROWS * CHUNKS; k += 32) {
+            const int r = k / CHUNKS, at = k % CHUNKS;
+            uint4* to = (uint4*)(colours.data + ((size_t)(top + r) * width + left) * 3);
+            if (top + r < height && at < some) to[at] = chunks[k];
+        }
+        __syncwarp();
     }
 }

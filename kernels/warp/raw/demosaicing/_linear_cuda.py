@@ -21,7 +21,8 @@ def interpolate(
 ) -> None:
     """Fill in the two colours that each pixel misses."""
     height, width = raw.shape
-    count = min(-(-height // ROWS) * -(-width // PART), MOST)
+    warps = -(-height // ROWS) * -(-width // (32 * PART))
+    count = min(32 * warps, MOST)
     launch(kernel(raw.dtype, red_row, red_column, method), count, [raw], [colours], BOUNDS[0])
 
 
@@ -30,7 +31,7 @@ def kernel(scalar: Any, red_row: int, red_column: int, method: int) -> wp.Kernel
     """Make the kernel for values of a type and a place of red."""
     names = {
         "RED_ROW": red_row, "RED_COLUMN": red_column, "SHARP": int(method == Linear.MALVAR),
-        "PART": PART, "ROWS": ROWS, **constants(scalar),
+        "PART": PART, "ROWS": ROWS, "WARPS": BOUNDS[0] // 32, **constants(scalar),
     }  # fmt: skip
 
     @_native.kernel("_linear_cuda.cu", OPTIONS, launch_bounds=BOUNDS, **names)

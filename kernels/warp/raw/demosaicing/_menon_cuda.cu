@@ -4,7 +4,7 @@
 
 #include "../_mirror.h"
 
-// needs TYPE, INTEGRAL, HIGHEST, RED_ROW, RED_COLUMN, HALO
+// needs TYPE, INTEGRAL, HIGHEST, RED_ROW, RED_COLUMN, HALO, WARPS
 void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colours) {
     enum { WIDE = 4 * (32 - 2 * HALO), BEFORE = 16 };  // rows before the first that is written
     struct Two {
@@ -16,6 +16,12 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     struct alignas(4 * sizeof(TYPE)) Colours {
         TYPE v[12];
     };
+    // Two rows of a strip go through shared memory, so that whole sectors are written.
+    struct alignas(sizeof(TYPE) == 1 ? 8 : 16) Chunk {
+        unsigned v[sizeof(TYPE) == 1 ? 2 : 4];
+    };
+    enum { CHUNKS = WIDE * 3 * sizeof(TYPE) / sizeof(Chunk) };
+    __shared__ Chunk shared[WARPS][2][CHUNKS];
     const float third = 1.0f / 3.0f, shift = 8388608.0f;
     const auto real = [=](TYPE v) {
         return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
@@ -24,6 +30,10 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
         if (!INTEGRAL) return (TYPE)value;
         const float within = fminf(fmaxf(value + 0.5f, 0.0f), (float)HIGHEST);
         return (TYPE)__float_as_uint(__fadd_rz(within, shift));
+    };
+    // Products with powers of 2 are exact, and so are all of integers below: fused or not.
+    const auto add = [](float a, float x, float b) {
+        return INTEGRAL ? __fmaf_rn(a, x, b) : a * x + b;
     };
     // A sample itself is an integer within the range.
     const auto same = [=](float value) {
@@ -48,6 +58,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     const int strips = (width + WIDE - 1) / WIDE, chunks = (height + rows - 1) / rows;
     const bool aligned =
         width % 4 == 0 && (((size_t)raw.data | (size_t)colours.data) & (4 * sizeof(TYPE) - 1)) == 0;
+    const bool whole = aligned && width * 3 * sizeof(TYPE) % sizeof(Chunk) == 0 &&
+                       (size_t)colours.data % sizeof(Chunk) == 0;
+    auto staged = shared[threadIdx.x / 32];
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < strips * chunks;
          item += gridDim.x * blockDim.x / 32) {
         const int begin = item / strips * rows, x = item % strips * WIDE + 4 * (lane - HALO);
@@ -56,9 +69,10 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
         // Rows of samples, of changes of the differences along rows, of differences along both,
         // of green and direction, of colours at green samples, of the other colour and refined
         // green at samples of a colour, and of refined colours at green samples.
-        Two chroma[9], green[9], down[5], across[3], found[3], own[3], other[3], second[3], fine[3],
+        Two chroma[9], green[9], down[3], across[3], found[3], own[3], other[3], second[3], fine[3],
             last_own[3], last_other[3];
-        float change[5][3];
+        // Changes of the differences along both, with those of the lanes beside.
+        float change[5][3], turns[3][4];
         int flat[5];
         const auto read = [&](int row) {
             const TYPE* from = raw.data + (size_t)Mirror::at(row, height) * width;
@@ -71,13 +85,14 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
         const Two none = {{0.0f, 0.0f}};
         for (int k = 0; k < 9; ++k) chroma[k] = green[k] = none;
         for (int k = 0; k < 5; ++k) {
-            down[k] = none;
             change[k][0] = change[k][1] = change[k][2] = 0.0f;
             flat[k] = 0;
         }
-        for (int k = 0; k < 3; ++k)
-            across[k] = found[k] = own[k] = other[k] = second[k] = fine[k] = last_own[k] =
+        for (int k = 0; k < 3; ++k) {
+            turns[k][0] = turns[k][1] = turns[k][2] = turns[k][3] = 0.0f;
+            down[k] = across[k] = found[k] = own[k] = other[k] = second[k] = fine[k] = last_own[k] =
                 last_other[k] = none;
+        }
         for (int top = begin - BEFORE; top < end; top += 2) {
 #pragma unroll
             for (int u = 0; u < 2; ++u) {
@@ -97,23 +112,25 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                                       // Differences to green in row y + 6.
 #pragma unroll
                 for (int k = 0; k < 4; ++k) {
-                    down[k] = down[k + 1];
                     flat[k] = flat[k + 1];
                     for (int n = 0; n < 3; ++n) change[k][n] = change[k + 1][n];
                 }
-                across[0] = across[1];
-                across[1] = across[2];
+                for (int k = 0; k < 2; ++k) {
+                    across[k] = across[k + 1];
+                    down[k] = down[k + 1];
+                    for (int n = 0; n < 4; ++n) turns[k][n] = turns[k + 1][n];
+                }
                 {
                     const Two near = around(green[6], odd);
                     const float before = left(chroma[6]), after = right(chroma[6]);
                     const float far[2] = {before + chroma[6].v[1], chroma[6].v[0] + after};
                     for (int n = 0; n < 2; ++n) {
                         const float c = chroma[6].v[n];
-                        const float h = 0.5f * near.v[n] + (0.5f * c - 0.25f * far[n]);
-                        const float w = 0.5f * (green[5].v[n] + green[7].v[n]) +
-                                        (0.5f * c - 0.25f * (chroma[4].v[n] + chroma[8].v[n]));
+                        const float h = add(0.5f, near.v[n], add(-0.25f, far[n], 0.5f * c));
+                        const float w = add(0.5f, green[5].v[n] + green[7].v[n],
+                                            add(-0.25f, chroma[4].v[n] + chroma[8].v[n], 0.5f * c));
                         across[2].v[n] = c - h;
-                        down[4].v[n] = c - w;
+                        down[2].v[n] = c - w;
                     }
                     change[4][1] = fabsf(across[2].v[0] - across[2].v[1]);
                     change[4][2] = fabsf(across[2].v[1] - right(across[2]));
@@ -123,38 +140,35 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                 found[0] = found[1];
                 found[1] = found[2];
                 {
-                    Two after, before, across_rows;
-                    for (int n = 0; n < 2; ++n) {
-                        after.v[n] = fabsf(down[2].v[n] - down[4].v[n]);
-                        before.v[n] = fabsf(down[0].v[n] - down[2].v[n]);
-                        across_rows.v[n] = fabsf(down[1].v[n] - down[3].v[n]);
-                    }
-                    const float a[4] = {left(after), after.v[0], after.v[1], right(after)};
-                    const float b[4] = {left(before), before.v[0], before.v[1], right(before)};
-                    const float m[3] = {odd ? across_rows.v[0] : left(across_rows),
-                                        odd ? across_rows.v[1] : across_rows.v[0],
-                                        odd ? right(across_rows) : across_rows.v[1]};
+                    // The changes of this row, one above and two above.
+                    Two after;
+                    for (int n = 0; n < 2; ++n) after.v[n] = fabsf(down[0].v[n] - down[2].v[n]);
+                    turns[2][0] = left(after);
+                    turns[2][1] = after.v[0];
+                    turns[2][2] = after.v[1];
+                    turns[2][3] = right(after);
+                    const float *a = turns[2], *b = turns[0], *m = turns[1] + odd;
                     flat[4] = 0;
                     for (int n = 0; n < 2; ++n) {
                         float along = change[0][n + 1];
                         along += change[0][n];
                         along += change[1][n + odd];
-                        along += 3.0f * change[2][n + 1];
-                        along += 3.0f * change[2][n];
+                        along = add(3.0f, change[2][n + 1], along);
+                        along = add(3.0f, change[2][n], along);
                         along += change[3][n + odd];
                         along += change[4][n + 1];
                         along += change[4][n];
                         float upright = a[n];
                         upright += b[n];
                         upright += m[n];
-                        upright += 3.0f * a[n + 1];
-                        upright += 3.0f * b[n + 1];
+                        upright = add(3.0f, a[n + 1], upright);
+                        upright = add(3.0f, b[n + 1], upright);
                         upright += m[n + 1];
                         upright += a[n + 2];
                         upright += b[n + 2];
                         const bool level = upright >= along;
                         flat[4] |= level ? 1 << n : 0;
-                        found[2].v[n] = chroma[4].v[n] - (level ? across[0].v[n] : down[2].v[n]);
+                        found[2].v[n] = chroma[4].v[n] - (level ? across[0].v[n] : down[0].v[n]);
                     }
                 }
                 // Colours at green samples of row y + 3, whose parity is the other one.
@@ -170,9 +184,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                     const Two p = around(chroma[3], odd), g = around(found[1], odd);
                     for (int n = 0; n < 2; ++n) {
                         const float c = green[3].v[n];
-                        own[2].v[n] = (c + 0.5f * p.v[n]) - 0.5f * g.v[n];
-                        other[2].v[n] = (c + 0.5f * (chroma[2].v[n] + chroma[4].v[n])) -
-                                        0.5f * (found[0].v[n] + found[2].v[n]);
+                        own[2].v[n] = add(-0.5f, g.v[n], add(0.5f, p.v[n], c));
+                        other[2].v[n] = add(-0.5f, found[0].v[n] + found[2].v[n],
+                                            add(0.5f, chroma[2].v[n] + chroma[4].v[n], c));
                     }
                 }
                 // The other colour, and refined green, at samples of a colour of row y + 2. In the
@@ -186,9 +200,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                     for (int n = 0; n < 2; ++n) {
                         const bool level = flat[2] >> n & 1;
                         const float c = chroma[2].v[n], here = c - found[0].v[n];
-                        const float h = (c + 0.5f * o.v[n]) - 0.5f * w.v[n];
-                        const float v = (c + 0.5f * (own[0].v[n] + own[2].v[n])) -
-                                        0.5f * (other[0].v[n] + other[2].v[n]);
+                        const float h = add(-0.5f, w.v[n], add(0.5f, o.v[n], c));
+                        const float v = add(-0.5f, other[0].v[n] + other[2].v[n],
+                                            add(0.5f, own[0].v[n] + own[2].v[n], c));
                         second[2].v[n] = level ? h : v;
                         const float mean_h = (l[n] + here) + l[n + 1];
                         const float mean_v = ((other[0].v[n] - green[1].v[n]) + here) +
@@ -204,8 +218,8 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                     for (int n = 0; n < 2; ++n) {
                         const float w =
                             (chroma[0].v[n] - fine[0].v[n]) + (chroma[2].v[n] - fine[2].v[n]);
-                        last_own[2].v[n] = green[1].v[n] + 0.5f * h.v[n];
-                        last_other[2].v[n] = green[1].v[n] + 0.5f * w;
+                        last_own[2].v[n] = add(0.5f, h.v[n], green[1].v[n]);
+                        last_other[2].v[n] = add(0.5f, w, green[1].v[n]);
                     }
                 }
                 // The other colour at samples of a colour of row y, refined.
@@ -235,12 +249,25 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
                     at[last] = rounded(last_other[1].v[n]);
                 }
                 TYPE* to = colours.data + ((size_t)y * width + x) * 3;
-                if (aligned)
+                if (whole)
+                    ((Colours*)staged[u])[lane - HALO] = result;
+                else if (aligned)
                     *(Colours*)to = result;
                 else
                     for (int i = 0; i < 12; ++i)
                         if (x + i / 3 < width) to[i] = result.v[i];
             }
+            if (!whole || top < begin) continue;
+            __syncwarp();
+            const int from = item % strips * WIDE, columns = min(WIDE, width - from);
+            const int some = columns * 3 * sizeof(TYPE) / sizeof(Chunk);
+#pragma unroll
+            for (int k = lane; k < 2 * CHUNKS; k += 32) {
+                const int u = k / CHUNKS, at = k % CHUNKS;
+                TYPE* to = colours.data + ((size_t)(top + u) * width + from) * 3;
+                if (top + u < end && at < some) ((Chunk*)to)[at] = staged[u][at];
+            }
+            __syncwarp();
         }
     }
 }

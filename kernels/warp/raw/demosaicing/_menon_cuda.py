@@ -38,7 +38,7 @@ def kernel(scalar: Any, red_row: int, red_column: int) -> wp.Kernel:
     """Make the kernel for values of a type and a place of red."""
     names = {
         "RED_ROW": red_row, "RED_COLUMN": red_column, "HALO": HALO,
-        **constants(scalar),
+        "WARPS": BOUNDS[0] // 32, **constants(scalar),
     }  # fmt: skip
 
     @_native.kernel("_menon_cuda.cu", OPTIONS, launch_bounds=BOUNDS, **names)

@@ -1,6 +1,6 @@
 """Residual interpolation on extended planes, in Warp; the Taichi set has the equations.
 
-Lines are worked on eight at a time on the CPU, and 32 pixels of one by a thread on CUDA.
+Lines are worked on eight at a time on the CPU, and in blocks in shared memory on CUDA.
 """
 
 import warp as wp
@@ -8,25 +8,31 @@ import warp as wp
 from cvkern.kernels.codes import raw as codes
 from cvkern.kernels.codes.raw import BORDER, MARGINS, Step
 from cvkern.kernels.warp._spans import spans
+from cvkern.kernels.warp.raw.demosaicing import _residual_cuda
+from cvkern.kernels.warp.raw.demosaicing._residual_cuda import REACH
 
 LANES = 8  # lines at once on the CPU
-REACH = 20  # pixels along a line, on either side, that a difference depends on
 _FIT = {name: f"{getattr(codes, name)!r}f" for name in ("FLOOR", "TINY", "SETTLED")}
 _SMOOTH = {name: f"{getattr(codes, name)!r}f" for name in ("SMOOTH", "FLAT", "TINY", "SETTLED")}
 
 
 def directions(red_row: int, red_column: int, planes: wp.array) -> None:
     """Find the differences between green and the other colour, by rows and by columns."""
+    if planes.device.is_cuda:
+        _residual_cuda.directions(red_row, red_column, planes)
+        return
     _, height, width = planes.shape
-    lanes = 1 if planes.device.is_cuda else LANES
     for vertical, (lines, length) in enumerate(((height, width), (width, height))):
         work = 20 * height * width
         inputs = [vertical, red_row, red_column]
-        _differences.launch(-(-lines // lanes), length - 2 * REACH, work, inputs, [planes])
+        _differences.launch(-(-lines // LANES), length - 2 * REACH, work, inputs, [planes])
 
 
 def green(red_row: int, red_column: int, planes: wp.array) -> None:
     """Find green from the differences of both directions."""
+    if planes.device.is_cuda:
+        _residual_cuda.green(red_row, red_column, planes)
+        return
     rows, columns = planes.shape[1] - 2 * BORDER, planes.shape[2] - 2 * BORDER
     _green.launch(rows, columns, 20 * rows * columns, [red_row, red_column], [planes])
 
@@ -34,12 +40,15 @@ def green(red_row: int, red_column: int, planes: wp.array) -> None:
 def chroma(step: int, row: int, column: int, result: int, planes: wp.array) -> None:
     """Do a step towards the colour whose samples are at (row, column) of each cell."""
     margin = MARGINS[Step(step)]
+    if planes.device.is_cuda and step in (Step.WINDOWS, Step.TENTATIVE):
+        _residual_cuda.windows(Step(step), row, column, planes)
+        return
     rows, columns = planes.shape[1] - 2 * margin, planes.shape[2] - 2 * margin
     inputs = [step, margin, row, column, result]
     _chroma.launch(rows, columns, 10 * rows * columns, inputs, [planes])
 
 
-@spans("_differences.h", 32, LANES=(LANES, 1), REACH=REACH, PRIOR=f"{codes.PRIOR!r}f", **_FIT)
+@spans("_differences.h", LANES=LANES, REACH=REACH, PRIOR=f"{codes.PRIOR!r}f", **_FIT)
 def _differences(
     row: int,
     left: int,
@@ -51,7 +60,7 @@ def _differences(
 ): ...
 
 
-@spans("_green.h", 2, BORDER=BORDER, **_SMOOTH)
+@spans("_green.h", BORDER=BORDER, **_SMOOTH)
 def _green(
     row: int,
     left: int,
@@ -67,6 +76,7 @@ def _green(
     2,
     PRIOR=f"{codes.WINDOW_PRIOR!r}f",
     STEADY=f"{codes.STEADY!r}f",
+    FEW=(0, 1),
     **{s.name: int(s) for s in list(Step)[:4]},
     **_FIT,
 )
