@@ -1,4 +1,4 @@
-"""Small matrices of callers, as float64 on the host."""
+"""Small matrices on the host, as float64: those of callers, and nearest rotations."""
 
 from __future__ import annotations
 
@@ -42,3 +42,11 @@ def check_cameras(K: Any, count: int, name: str) -> np.ndarray:
         raise ValueError(f"{name} must have shape (3, 3) or {(count, 3, 3)}, got {shape}")
     values = on_host(runtime(array), array)
     return np.stack([check_camera(values[i], f"{name}[{i}]") for i in range(count)])
+
+
+def nearest_rotations(matrices: np.ndarray) -> np.ndarray:
+    """Return the rotations (..., 3, 3) nearest to matrices, by the sum of squared differences."""
+    u, _, vt = np.linalg.svd(matrices)
+    mirrored = np.linalg.det(u @ vt) < 0
+    u[..., 2] *= np.where(mirrored, -1.0, 1.0)[..., None]
+    return u @ vt

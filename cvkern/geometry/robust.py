@@ -239,8 +239,8 @@ class Explorer:
         to = rt.send("robust.refined_pairs", pairs)
         steps = rt.constant(schedule)
         rt.geometry.robust.refine(given or self._given, to, int(model), steps, chosen, scores)
-        told = rt.to_numpy(scores)
-        return rt.to_numpy(chosen), told[..., 0], told[..., 1]
+        models, told = (np.array(rt.to_numpy(array)) for array in (chosen, scores))
+        return models, told[..., 0], told[..., 1]
 
 
 def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:

@@ -16,6 +16,7 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._runtime import refuse_capture
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry._points import check_points
 from cvkern.geometry.cameras.lens import Camera, check_lens, matrix_of
 from cvkern.kernels.codes.reconstruction import POSE, Loss
@@ -190,8 +191,7 @@ def _check_poses(poses: Any) -> np.ndarray:
     wrong = np.flatnonzero((off > 1e-3) | (np.linalg.det(turns) < 0))
     if len(wrong):
         raise ValueError(f"poses must have rotations, got in view {wrong[0]} another matrix")
-    u, _, v = np.linalg.svd(turns)
-    return np.concatenate((u @ v, given[:, :, 3:]), axis=2)
+    return np.concatenate((nearest_rotations(turns), given[:, :, 3:]), axis=2)
 
 
 def _indices(values: Any, shape: tuple[int, ...], limit: Any, name: str) -> np.ndarray:

@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import cvkern
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry.cameras.lens import turn_of, turned, turning_radius
 from tests.refusals import refused
 
@@ -33,6 +35,15 @@ def test_projection_and_its_inverse():
         camera = cvkern.Camera(MATRIX, lens, (480, 640))
         found = cvkern.undistort_points(cvkern.project_points(scene(), camera), camera)
         np.testing.assert_allclose(found, cvkern.project_points(scene(), plain), rtol=0, atol=1e-6)
+
+
+def test_nearest_rotations():
+    """Turning the axes onto rows weighed alike is Wahba's problem; half of these are mirrored."""
+    matrices = np.random.default_rng(0).normal(size=(20, 3, 3))
+    assert 5 < (np.linalg.det(matrices) < 0).sum() < 15
+    want = [Rotation.align_vectors(m.T, np.eye(3))[0].as_matrix() for m in matrices]
+    np.testing.assert_allclose(nearest_rotations(matrices), want, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(nearest_rotations(matrices[0]), want[0], rtol=0, atol=1e-12)
 
 
 def test_points_seen_by_a_turned_camera():

@@ -54,6 +54,18 @@ def test_a_wide_threshold_loses_little():
     assert (wide < 1.5 * narrow).all()
 
 
+def test_calls_before_change_nothing(backend):
+    """Scratch memory that is large enough from the start is not replaced between the steps."""
+    for seed in (0, 1, 3):
+        a, b, _ = scene(seed, 300, 0.4, 0.2)
+        pairs = [scene(100 + n, 40, 0.2, 0.2)[:2] for n in range(9)]
+        cvkern.find_essentials(pairs, CAMERA, CAMERA)
+        after = cvkern.find_essential(a, b, CAMERA, CAMERA, 4.0)
+        cvkern.release_memory()
+        alone = cvkern.find_essential(a, b, CAMERA, CAMERA, 4.0)
+        assert (after.matrix == alone.matrix).all()
+
+
 def test_a_plane_does_not_deceive():
     """Nine of ten points on a plane: seven points would fix nothing, five do."""
     for seed in range(3):

@@ -44,6 +44,41 @@ def test_channels_are_seen_alike(backend, channels):
         np.testing.assert_allclose(got[..., c], want, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+def test_bytes_are_rounded_means(backend, channels, mode):
+    image = noise(60, 210 * channels, dtype="uint8").reshape(60, 210, channels)
+    got = cvkern.warp_perspective(
+        image, TILTED, (70, 203), channel_axis=-1, mode=mode, cval=7.0, dtype=np.uint8
+    )
+    for c in range(channels):
+        want = seen_through(image[..., c], TILTED, (70, 203), 1, mode, 7.0)
+        # Places are off by 2^-24 along each axis, and weights by 2^-23.
+        sure = np.abs(want % 1 - 0.5) > 255 * 6 * 2.0**-24
+        assert sure.mean() > 0.9
+        np.testing.assert_array_equal(got[..., c][sure], np.floor(want + 0.5)[sure])
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("shape", [(61, 300), (3, 16), (2, 40), (1, 1), (9, 5, 3), (70, 190, 4)])
+def test_bytes_are_the_same_in_both_sets(shape, mode):
+    image = noise(shape[0], int(np.prod(shape[1:])), dtype="uint8").reshape(shape)
+    axis = -1 if len(shape) == 3 else None
+    turned = [[0.5, -0.9, 40.25], [0.8, 0.7, -3.5], [4e-3, 2e-3, 1.1]]
+    for matrix in (TILTED, turned, 3 * np.eye(3), [[1, 0, 0], [0, 1, 0], [-0.02, 0, 1]]):
+        found = []
+        for name in KERNEL_SETS:
+            with cvkern.use(backend=name):
+                found.append(
+                    cvkern.warp_perspective(
+                        image, matrix, (50, 131), channel_axis=axis, mode=mode, dtype=np.uint8
+                    )
+                )
+        np.testing.assert_array_equal(*found)
+        if np.array_equal(matrix, 3 * np.eye(3)) and shape == (61, 300):
+            np.testing.assert_array_equal(found[0], image[:50, :131])
+
+
 def test_warp_perspective_is_opencvs(backend):
     """OpenCV rounds differently from release to release: within a grey value."""
     photo = skimage.data.camera()[::4, ::4]

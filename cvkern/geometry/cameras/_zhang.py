@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry.cameras.lens import matrix_of
 from cvkern.geometry.fitting import fit_homography
 
@@ -76,5 +77,4 @@ def plane_pose(matrix: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.n
     scale = 2 / (np.linalg.norm(columns[:, 0]) + np.linalg.norm(columns[:, 1]))
     columns = columns * (scale if columns[2, 2] > 0 else -scale)
     turn = np.column_stack((columns[:, :2], np.cross(columns[:, 0], columns[:, 1])))
-    u, _, vt = np.linalg.svd(turn)
-    return u @ vt, columns[:, 2]
+    return nearest_rotations(turn), columns[:, 2]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import check_flag
+from cvkern.geometry._matrices import nearest_rotations
 from cvkern.geometry.cameras._adjustment import Poses, Residuals, adjust, crossed, projected
 from cvkern.geometry.cameras.calibration import (
     adjusted_camera,
@@ -236,7 +237,5 @@ def _moved(shared: np.ndarray, step: np.ndarray) -> np.ndarray:
 
 def _beside(left: Poses, right: Poses) -> tuple[np.ndarray, np.ndarray]:
     """Return the rotation and translation from the first camera to the second, over all views."""
-    turns = right.rotations @ left.rotations.transpose(0, 2, 1)
-    u, _, vt = np.linalg.svd(turns.sum(axis=0))
-    turn = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
+    turn = nearest_rotations((right.rotations @ left.rotations.transpose(0, 2, 1)).sum(axis=0))
     return turn, np.median(right.translations - left.translations @ turn.T, axis=0)

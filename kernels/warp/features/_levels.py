@@ -1,5 +1,6 @@
 """Octaves of a scale space, or sizes of an image, in one table: one launch serves all points."""
 
+import threading
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -15,7 +16,15 @@ BITS = wp.constant(WORD)
 place_t = wp.types.vector(5, wp.int32)
 _MOST_TABLES = 32
 
-_tables: dict[tuple, wp.array] = {}
+
+class _Tables(threading.local):
+    """Tables that this thread has sent, by their device and contents."""
+
+    def __init__(self) -> None:
+        self.kept: dict[tuple, wp.array] = {}
+
+
+_thread = _Tables()
 
 
 def table(octaves: Sequence[wp.array]) -> wp.array:
@@ -31,11 +40,14 @@ def kept_table(rows: Sequence[Sequence[Any]], device: wp.Device) -> wp.array:
     """Return a table of addresses and sizes, int64; it is sent to its device once."""
     values = np.array(rows, np.int64)
     key = (device.alias, values.shape, values.tobytes())
-    found = _tables.get(key)
+    kept = _thread.kept
+    found = kept.get(key)
     if found is None:
-        if len(_tables) >= _MOST_TABLES:
-            _tables.clear()
-        found = _tables[key] = wp.array(values, dtype=wp.int64, device=device)
+        if len(kept) >= _MOST_TABLES:
+            for alias in {of for of, *_ in kept}:
+                wp.synchronize_device(alias)  # kernels may still read them
+            kept.clear()
+        found = kept[key] = wp.array(values, dtype=wp.int64, device=device)
         wp.synchronize_device(device)  # the copy is on another stream than its readers
     return found
 

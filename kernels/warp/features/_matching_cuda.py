@@ -15,7 +15,7 @@ LARGEST = wp.constant(FARTHEST)
 FEW = 256  # blocks of half of BLOCK_ROWS that do not fill a GPU
 # Threads of a block, and its rows: other rows are read once for all rows of a block. Where blocks
 # are few, more warps share the other rows.
-MANY_BLOCKS, FEW_BLOCKS = (256, BLOCK_ROWS), (768, BLOCK_ROWS // 2)
+MANY_BLOCKS, FEW_BLOCKS = (128, BLOCK_ROWS), (512, BLOCK_ROWS // 2)
 OLDEST = 80  # architecture: `mma` has the products of bits since then
 SIZES = {(0, 128): 32, (1, 32): 8}  # words of a descriptor, by whether it is binary and its bytes
 

@@ -1,12 +1,13 @@
 // Linear samples through a homography on the CPU, 16 pixels of a row at once; projective.py has the
 // equation.
 
-// needs ROUNDED, CHANNELS, PART
+// needs ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
 // Rows from `top` on of a tile, PART pixels wide from `start` on, of an image seen through a
 // homography, linearly: `inverse` takes (x, y, 1) of the result to the image. A tile needs little of
 // the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
 // find: those on the last rows or the last column, and, unless all beyond the image is `cval`,
 // those beyond. So nothing is read behind the image, though more than two pixels are read at once.
+// Bytes of the result from bytes are in whole steps: see _bytes.py.
 int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
               wp::array_t<double> inverse, int constant, float cval, wp::array_t<int> left,
               wp::array_t<float> dst) {
@@ -14,6 +15,7 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
     enum { N = 16, C = CHANNELS, INSIDE = 1, LEFT = 2, AWAY = 4 };
     typedef __typeof__(*src.data) source;
     typedef __typeof__(*dst.data) result;
+    enum { STEPS = ROUNDED && sizeof(source) == 1 };
     typedef source taken __attribute__((vector_size(2 * N * sizeof(source))));
     typedef source taken4 __attribute__((vector_size(4 * sizeof(source))));
     typedef result given __attribute__((vector_size(N * sizeof(result))));
@@ -44,12 +46,18 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
         double xs[PART], ys[PART];
         int at[PART], state[PART], there[PART / N], other[PART / N];
         float fx[PART], fy[PART];
+        int share[4][PART];  // The shares of the four pixels of a place, in steps.
         for (int k = 0; k < PART; ++k) {
             const double u = start + k;
-            xs[k] = m[0] * u + m[1] * v + m[2];
-            ys[k] = m[3] * u + m[4] * v + m[5];
+            xs[k] = STEPS ? m[0] * u + (m[1] * v + m[2]) : m[0] * u + m[1] * v + m[2];
+            ys[k] = STEPS ? m[3] * u + (m[4] * v + m[5]) : m[3] * u + m[4] * v + m[5];
         }
-        for (int k = 0; k < PART && !affine; ++k) {  // to divide by 1 changes nothing
+        for (int k = 0; STEPS && k < PART; ++k) {
+            const double r = 1.0 / (m[6] * (double)(start + k) + (m[7] * v + m[8]));
+            xs[k] = xs[k] * r + START;
+            ys[k] = ys[k] * r + START;
+        }
+        for (int k = 0; k < PART && !affine && !STEPS; ++k) {  // to divide by 1 changes nothing
             const double w = m[6] * (double)(start + k) + m[7] * v + m[8];
             xs[k] /= w;
             ys[k] /= w;
@@ -58,19 +66,41 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
             there[b] = other[b] = 0;
 #pragma clang loop vectorize(assume_safety)
             for (int k = N * b; k < N * (b + 1); ++k) {
-                const double x = xs[k], y = ys[k];
-                const bool good = (x >= 0.0) & (x < last_x) & (y >= 0.0) & (y < last_y - 1.0);
-                const int i = good ? (int)y : 0, j = good ? (int)x : 0;
-                fx[k] = (float)(x - (double)j);
-                fy[k] = (float)(y - (double)i);
+                bool good;
+                int i, j;
+                if (STEPS) {
+                    unsigned long long x, y;
+                    __builtin_memcpy(&x, xs + k, sizeof x);
+                    __builtin_memcpy(&y, ys + k, sizeof y);
+                    i = (int)((unsigned)(y >> 32) - START_HIGH),
+                    j = (int)((unsigned)(x >> 32) - START_HIGH);
+                    good = ((unsigned)j < (unsigned)(width - 1)) & (i >= 0) & (i < height - 2);
+                    const int across = (unsigned)x >> (32 - PLACE_BITS);
+                    const int down = (unsigned)y >> (32 - PLACE_BITS);
+                    const int both = (int)((unsigned long long)across * down >> PLACE_BITS);
+                    share[0][k] = (1 << PLACE_BITS) - across - down + both;
+                    share[1][k] = across - both;
+                    share[2][k] = down - both;
+                    share[3][k] = both;
+                    i = good ? i : 0, j = good ? j : 0;
+                } else {
+                    const double x = xs[k], y = ys[k];
+                    good = (x >= 0.0) & (x < last_x) & (y >= 0.0) & (y < last_y - 1.0);
+                    i = good ? (int)y : 0, j = good ? (int)x : 0;
+                    fx[k] = (float)(x - (double)j);
+                    fy[k] = (float)(y - (double)i);
+                }
                 at[k] = i * pitch + j * C;
                 state[k] = good ? INSIDE : LEFT;
                 there[b] |= state[k] & INSIDE;
                 other[b] |= state[k] & LEFT;
             }
             for (int k = N * b; other[b] && k < N * (b + 1); ++k) {
-                const bool within =
-                    (xs[k] >= 0.0) & (xs[k] <= last_x) & (ys[k] >= 0.0) & (ys[k] <= last_y);
+                const double x = xs[k] - (STEPS ? MIDDLE : 0.0), y = ys[k] - (STEPS ? MIDDLE : 0.0);
+                const double step = 1.0 / (1 << PLACE_BITS);
+                const bool ends = STEPS ? (x < last_x + step) & (y < last_y + step)
+                                        : (x <= last_x) & (y <= last_y);
+                const bool within = (x >= 0.0) & (y >= 0.0) & ends;
                 if (constant && !within) state[k] = AWAY;
                 if (state[k] == LEFT && k < size) list[listed++] = (row - top) * PART + k;
             }
@@ -90,6 +120,7 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                         __builtin_memcpy(&pairs[1][2 * k], q + pitch, 2 * sizeof(source));
                     }
                     lanes x, y, lines[2];
+                    whole steps = (whole){} + (1 << (PLACE_BITS - 1));
                     __builtin_memcpy(&x, fx + N * b, sizeof x);
                     __builtin_memcpy(&y, fy + N * b, sizeof y);
 #pragma unroll
@@ -100,16 +131,29 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                             both, both, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
                         const auto east = __builtin_shufflevector(
                             both, both, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-                        lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
-                                   x * __builtin_convertvector(east, lanes);
+                        if (STEPS) {
+                            whole shares[2];
+                            __builtin_memcpy(&shares[0], share[2 * i] + N * b, sizeof shares[0]);
+                            __builtin_memcpy(&shares[1], share[2 * i + 1] + N * b,
+                                             sizeof shares[1]);
+                            steps += shares[0] * __builtin_convertvector(west, whole) +
+                                     shares[1] * __builtin_convertvector(east, whole);
+                        } else {
+                            lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
+                                       x * __builtin_convertvector(east, lanes);
+                        }
                     }
-                    const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
                     given made;
-                    if (ROUNDED)
-                        made = __builtin_convertvector(__builtin_convertvector(clipped(sum), whole),
-                                                       given);
-                    else
-                        made = __builtin_convertvector(sum, given);
+                    if (STEPS) {
+                        made = __builtin_convertvector(steps >> PLACE_BITS, given);
+                    } else {
+                        const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
+                        if (ROUNDED)
+                            made = __builtin_convertvector(
+                                __builtin_convertvector(clipped(sum), whole), given);
+                        else
+                            made = __builtin_convertvector(sum, given);
+                    }
                     __builtin_memcpy(found + N * b, &made, sizeof made);
                     continue;
                 }
@@ -119,12 +163,14 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                     for (int k = N * b; k < N * (b + 1); k += 4) {
                         lanes lines[2];
                         lanes4 across, down;
+                        whole steps = (whole){} + (1 << (PLACE_BITS - 1));
                         __builtin_memcpy(&across, fx + k, sizeof across);
                         __builtin_memcpy(&down, fy + k, sizeof down);
-                        const lanes x = __builtin_shufflevector(across, across, 0, 0, 0, 0, 1, 1, 1,
-                                                                1, 2, 2, 2, 2, 3, 3, 3, 3);
-                        const lanes y = __builtin_shufflevector(down, down, 0, 0, 0, 0, 1, 1, 1, 1,
-                                                                2, 2, 2, 2, 3, 3, 3, 3);
+                        const auto each = [](auto four) {
+                            return __builtin_shufflevector(four, four, 0, 0, 0, 0, 1, 1, 1, 1, 2, 2,
+                                                           2, 2, 3, 3, 3, 3);
+                        };
+                        const lanes x = each(across), y = each(down);
 #pragma unroll
                         for (int i = 0; i < 2; ++i) {
                             unsigned long long parts[4];
@@ -135,16 +181,24 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                             const bytes west = (bytes) __builtin_convertvector(both, halves);
                             const bytes east =
                                 (bytes) __builtin_convertvector(both >> (8 * C), halves);
-                            lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
-                                       x * __builtin_convertvector(east, lanes);
+                            if (STEPS) {
+                                whole4 shares[2];
+                                __builtin_memcpy(&shares[0], share[2 * i] + k, sizeof shares[0]);
+                                __builtin_memcpy(&shares[1], share[2 * i + 1] + k,
+                                                 sizeof shares[1]);
+                                steps += each(shares[0]) * __builtin_convertvector(west, whole) +
+                                         each(shares[1]) * __builtin_convertvector(east, whole);
+                            } else {
+                                lines[i] = (1.0f - x) * __builtin_convertvector(west, lanes) +
+                                           x * __builtin_convertvector(east, lanes);
+                            }
                         }
-                        const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
                         given made;
-                        if (ROUNDED)  // means of bytes need not be cut off
-                            made = __builtin_convertvector(
-                                __builtin_convertvector(sum + 0.5f, whole), given);
+                        if (STEPS)
+                            made = __builtin_convertvector(steps >> PLACE_BITS, given);
                         else
-                            made = __builtin_convertvector(sum, given);
+                            made = __builtin_convertvector((1.0f - y) * lines[0] + y * lines[1],
+                                                           given);
                         if (C == 3)
                             made = __builtin_shufflevector(made, made, 0, 1, 2, 4, 5, 6, 8, 9, 10,
                                                            12, 13, 14, 14, 14, 14, 14);

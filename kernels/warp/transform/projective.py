@@ -1,8 +1,9 @@
 """Images seen through a homography, in Warp: the map and the sample in one kernel.
 
 Pixel q = (x, y, 1) of the result shows the place ``p ~ H^-1 q`` of the image, sampled with a spline
-of order 0, 1 or 3 (_taps.py). The map is in float64. On CUDA a thread takes a pixel, on the CPU a
-slab of rows; linear samples of few channels are native there (_projective_cpu.h).
+of order 0, 1 or 3 (_taps.py). The map is in float64; of bytes that become bytes, linearly, it is in
+whole steps (_bytes.py). On CUDA a thread takes a pixel, on the CPU a slab of rows; linear samples
+of few channels are native there (_projective_cpu.h), and of bytes on CUDA (_projective_cuda.cu).
 """
 
 from functools import lru_cache
@@ -11,14 +12,18 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.codes.transform import MIDDLE, PLACE_BITS, START, START_HIGH, WIDEST
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 
+from ._bytes import byte_pixel
 from ._taps import mapped, stored, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FEW = (1, 3, 4)  # channels that have kernels of their own
 TALL, PART = wp.constant(32), wp.constant(128)  # rows and columns of a tile, on the CPU
+# Columns and rows of a thread, warps of a block, and blocks at once, on CUDA.
+COLUMNS, ROWS, WARPS, BLOCKS = wp.constant(2), wp.constant(4), wp.constant(4), 8
 
 
 def warp_perspective(
@@ -32,15 +37,19 @@ def warp_perspective(
 ) -> None:
     """Sample an image where `inverse` takes the pixels of the result; one thread a pixel.
 
-    Where it is linear, the CPU takes vectors of pixels, and CUDA four pixels of bytes a thread.
+    Where it is linear, the CPU takes vectors of pixels, and on CUDA a warp takes bytes together.
     """
     channels, rows = src.shape[3], dst.shape[1]
     byte = src.dtype is wp.uint8 and dst.dtype is wp.uint8
-    if order == 1 and channels in FEW and byte and dst.device.is_cuda:
-        groups = rows * -(-dst.shape[2] // 4)
-        launch(warp_kernel_cuda(channels), groups, [src, inverse, border, cval], [dst])
+    height, width = src.shape[1:3]
+    few = order == 1 and channels in FEW and (not byte or max(height, width) < WIDEST)
+    if few and byte and dst.device.is_cuda and height > 2 and width >= 16:
+        blocks = -(-dst.shape[2] // (32 * COLUMNS)) * -(-rows // (WARPS * ROWS))
+        threads = 32 * WARPS
+        inputs = [src, inverse, border, cval]
+        launch(warp_kernel_cuda(channels), blocks * threads, inputs, [dst], threads)
         return
-    if order == 1 and channels in FEW and not dst.device.is_cuda:
+    if few and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
         left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
         kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels)
@@ -86,7 +95,14 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
     pixel = warp_pixel(scalar, result, 1)
 
     @_native.func_native(
-        "_projective_cpu.h", ROUNDED=int(result is wp.uint8), CHANNELS=channels, PART=PART
+        "_projective_cpu.h",
+        ROUNDED=int(result is wp.uint8),
+        CHANNELS=channels,
+        PART=PART,
+        PLACE_BITS=PLACE_BITS,
+        MIDDLE=MIDDLE,
+        START=START,
+        START_HIGH=START_HIGH,
     )
     def warp_tile(
         top: int,
@@ -134,17 +150,25 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
 
 @lru_cache
 def warp_kernel_cuda(channels: int) -> wp.Kernel:
-    """Make the linear kernel of CUDA for bytes: four pixels of a row a thread.
+    """Make the linear kernel of CUDA for bytes: a warp takes neighbouring pixels.
 
     Plain Warp reads and writes byte by byte.
     """
     pixel = warp_pixel(wp.uint8, wp.uint8, 1)
     store = stored(wp.uint8)
 
-    @_native.func_native("_projective_cuda.cu", CHANNELS=channels)
-    def warp_four(
-        row: int,
-        column: int,
+    @_native.func_native(
+        "_projective_cuda.cu",
+        CHANNELS=channels,
+        PLACE_BITS=PLACE_BITS,
+        START=START,
+        START_HIGH=START_HIGH,
+        COLUMNS=COLUMNS,
+        ROWS=ROWS,
+        WARPS=WARPS,
+    )
+    def warp_part(
+        item: int,
         src: wp.array4d[wp.uint8],
         inverse: wp.array[wp.float64],
         constant: int,
@@ -152,8 +176,9 @@ def warp_kernel_cuda(channels: int) -> wp.Kernel:
         dst: wp.array4d[wp.uint8],
     ) -> int: ...
 
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def warp_fours(
+    # Without these bounds, the pixels that are left, a few, would slow down all others.
+    @wp.kernel(module="unique", module_options=OPTIONS, launch_bounds=(32 * WARPS, BLOCKS))
+    def warp_parts(
         src: wp.array4d[wp.uint8],  # (P, H, W, C)
         inverse: wp.array[wp.float64],  # (9,), acts on (x, y, 1) of the result
         border: int,
@@ -161,23 +186,29 @@ def warp_kernel_cuda(channels: int) -> wp.Kernel:
         # outputs
         dst: wp.array4d[wp.uint8],  # (P, H', W', C)
     ):
-        groups = (dst.shape[2] + 3) // 4
-        row = wp.tid() // groups
-        column = 4 * (wp.tid() - row * groups)
+        item = wp.tid()
         constant = int(0)
         if border == int(Border.CONSTANT):
             constant = int(1)
-        left = warp_four(row, column, src, inverse, constant, int(store(cval)), dst)
-        for k in range(4):
-            if ((left >> k) & 1) == 1:
-                pixel(src, inverse, border, cval, 0, row, column + k, dst)
+        left = warp_part(item, src, inverse, constant, 0x01010101 * int(store(cval)), dst)
+        if left != 0:
+            across = (dst.shape[2] + 32 * COLUMNS - 1) // (32 * COLUMNS)
+            block = item // (32 * WARPS)
+            top = (block // across * WARPS + item // 32 % WARPS) * ROWS
+            start = block % across * 32 * COLUMNS + item % 32
+            for k in range(ROWS * COLUMNS):
+                if ((left >> k) & 1) == 1:
+                    row = top + k // COLUMNS
+                    pixel(src, inverse, border, cval, 0, row, start + 32 * (k % COLUMNS), dst)
 
-    return warp_fours
+    return warp_parts
 
 
 @lru_cache
 def warp_pixel(scalar: Any, result: Any, order: int) -> Any:
     """Make the function that finds a pixel of the result."""
+    if order == 1 and scalar is wp.uint8 and result is wp.uint8:
+        return byte_pixel()
     write = writer(scalar, result, order)
 
     @wp.func

@@ -25,6 +25,8 @@ def _seen_through(image: np.ndarray) -> np.ndarray:
     y, x = np.mgrid[:height, :width].astype(float)
     u = np.linalg.inv(TILT) @ np.stack((x, y, np.ones_like(x))).reshape(3, -1)
     places = np.stack((u[1] / u[2], u[0] / u[2])).reshape(2, height, width)
+    # One place is the first pixel itself: the rounding of float64 must not bring it outside.
+    places = np.around(places, 9)
     sample: Any = scipy.ndimage.map_coordinates
     layers = [sample(image[..., c].astype(float), places, order=1) for c in range(image.shape[2])]
     return np.floor(np.stack(layers, axis=2) + 0.5)

@@ -50,6 +50,10 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
     const bool aligned = below % 4 == 0 && (size_t)src.data % 4 == 0;
     const bool reads = CHANNELS == 3 && aligned;
     const bool writes = CHANNELS == 3 && columns % 4 == 0 && (size_t)dst.data % 4 == 0;
+    // Four lanes have three words: bytes 0 1 2 0, 1 2 0 1 and 2 0 1 2 of two lanes.
+    const int place = lane & 3;
+    const unsigned bytes = 0x654210 >> 4 * place;
+    unsigned* const own = (unsigned*)(to + (lane >> 2) * 12) + place;
 #else
     const float outside = cval;
 #endif
@@ -60,7 +64,7 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             (size_t)height * below < (size_t)1 << 31 && begin + 32 * (base + FAST) <= columns &&
             (inside >> 2 * base & ALL_FAST) == ALL_FAST) {
             enum { WORDS = CHANNELS == 1 ? 2 : 3 };
-            unsigned word[FAST][2][WORDS], weights[FAST], share[FAST], first[FAST];
+            unsigned word[FAST][2][WORDS], weights[FAST][2], first[FAST];
             const float t = (float)lane;
 #pragma unroll
             for (int g = 0; g < FAST; ++g) {
@@ -69,8 +73,11 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
                 const float u = p.x + t * (p.y + t * p.z), v = q.x + t * (q.y + t * q.z);
                 const unsigned ix = (int)(u + 0.5f), iy = (int)(v + 0.5f);
                 first[g] = (iy >> 8) * below + (ix >> 8) * CHANNELS;
-                weights[g] = (ix & 255) * 65535 + 256;  // both weights of the columns
-                share[g] = iy & 255;
+                // Both weights of the columns, in the lower row and in the upper one. A weight of 2^16
+                // is taken as one less, which is rounded to the same byte.
+                const unsigned both = (ix & 255) * 65535 + 256;
+                weights[g][1] = both * (iy & 255);
+                weights[g][0] = both * (256 - (iy & 255)) - (((ix | iy) & 255) == 0);
                 // The bytes of both pixels of a row lie in WORDS words, or in one fewer.
                 const char* line = (const char*)src.data + (first[g] & ~3u);
 #pragma unroll
@@ -82,38 +89,31 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             }
 #pragma unroll
             for (int g = 0; g < FAST; ++g) {
-                const unsigned low = share[g], high = 256 - low, turn = 8 * first[g];
+                const unsigned turn = 8 * first[g];
                 unsigned made[CHANNELS];
+#pragma unroll
+                for (int c = 0; c < CHANNELS; ++c) made[c] = 32768;
 #pragma unroll
                 for (int i = 0; i < 2; ++i) {
                     const unsigned* w = word[g][i];
-                    const unsigned one = __funnelshift_r(w[0], w[1], turn), part = i ? low : high;
-                    unsigned line[CHANNELS];
+                    const unsigned one = __funnelshift_r(w[0], w[1], turn);
 #if CHANNELS == 1
-                    line[0] = __dp2a_lo(weights[g], one, 0u);
+                    made[0] = __dp2a_lo(weights[g][i], one, made[0]);
 #else
                     const unsigned two = __funnelshift_r(w[1], w[2], turn);
                     const unsigned both = __byte_perm(one, two, 0x4130);
-                    line[0] = __dp2a_lo(weights[g], both, 0u);
-                    line[1] = __dp2a_hi(weights[g], both, 0u);
-                    line[2] = __dp2a_lo(weights[g], __byte_perm(one, two, 0x0052), 0u);
+                    made[0] = __dp2a_lo(weights[g][i], both, made[0]);
+                    made[1] = __dp2a_hi(weights[g][i], both, made[1]);
+                    made[2] = __dp2a_lo(weights[g][i], __byte_perm(one, two, 0x0052), made[2]);
 #endif
-#pragma unroll
-                    for (int c = 0; c < CHANNELS; ++c)
-                        made[c] = line[c] * part + (i ? made[c] : 32768u);
                 }
-                const int k = 32 * (base + g) + lane;
 #if CHANNELS == 1
-                to[k] = (SCALAR)(made[0] >> 16);
+                to[32 * (base + g) + lane] = (SCALAR)(made[0] >> 16);
 #else
                 const unsigned all =
                     __byte_perm(__byte_perm(made[0], made[1], 0x0062), made[2], 0x7610);
                 const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
-                // Four lanes have three words: bytes 0 1 2 0, 1 2 0 1 and 2 0 1 2 of two lanes.
-                const int place = lane & 3;
-                const unsigned bytes = place == 0 ? 0x4210 : place == 1 ? 0x5421 : 0x6542;
-                if (place < 3)
-                    *(unsigned*)(to + (k >> 2) * 12 + 4 * place) = __byte_perm(all, next, bytes);
+                if (place < 3) own[24 * (base + g)] = __byte_perm(all, next, bytes);
 #endif
             }
             base += FAST - GROUP;
@@ -187,10 +187,8 @@ void sample_part(wp::array_t<SCALAR> src, wp::array_t<float> numbers, float cval
             }
             if (writes) {
                 const unsigned next = __shfl_down_sync(0xffffffffu, all, 1);
-                const int turn = lane & 3;
-                if (begin + k < columns && turn < 3)
-                    *(unsigned*)(to + (k >> 2) * 12 + 4 * turn) =
-                        all >> 8 * turn | next << (24 - 8 * turn);
+                if (begin + k < columns && place < 3)
+                    own[24 * (base + g)] = __byte_perm(all, next, bytes);
             } else if (begin + k < columns) {
                 for (int c = 0; c < CHANNELS; ++c) to[k * CHANNELS + c] = (SCALAR)made[c];
             }
