@@ -66,6 +66,7 @@ SECONDS = {
     "radiance/training/test_training.py": 40,
     "runtime/test_cache.py": 30,
     "test_cuda_source.py": 30,
+    "scale/test_panoramas.py": 40,
     "hough/lines/test_votes.py": 25,
     "radiance/fields/test_perceptron.py": 25,
     "recognition/test_models.py": 20,

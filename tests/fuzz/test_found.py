@@ -32,6 +32,7 @@ SIDE_BY_SIDE = cvkern.StereoCalibration(
 )
 BOARD = cvkern.chessboard_points((3, 4))
 TILTED = [cvkern.project_points(BOARD, CAMERA, t, (-1, -1, 6)) for t in ((0.4, 0, 0), (0, 0.4, 0))]
+INFINITE = np.where(np.arange(512) == 212, np.inf, np.random.default_rng(20).random(512, "f4"))
 UNSEEN = list(np.random.default_rng(0).random((4, 12, 2)) * 60)  # boards behind the camera
 POSES = np.stack([np.eye(3)] * 2), np.ones((2, 3))
 SURFACE = radiance.Mesh(np.eye(3, dtype="f4"), np.array([[0, 1, 2]]), np.zeros((3, 3), "u1"))
@@ -217,6 +218,7 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.lateral_inhibition(IMAGE + np.eye(4, 5), weight=3e38),
         lambda: cvkern.images.luma(np.full((4, 5), 1e300)),
         lambda: cvkern.make_scan("laser", (1, 1), (1, 1), frames=1, noise=-0.0),
+        lambda: cvkern.detect_chessboard(INFINITE.reshape(8, 64), (3, 3)),
         lambda: cvkern.subpixel_edges(np.array([[0, 3e38, -3e38, 1e30, 5]] * 5, "f4"), 0.6, 1, 2),
     ],
 )

@@ -24,4 +24,10 @@ CALLS: dict[str, Call] = {
         {**EDGES, **BORDER, "norm": one("l1", "l2")},
     ),
     "subpixel_edges": Call(cvkern.subpixel_edges, IMAGE, {**EDGES, **BORDER}, equal=False),
+    "subpixel_edges of stacks": Call(
+        cvkern.subpixel_edges,
+        {"image": channels, "batch_axis": one(0, 0, 0, None, 1)},
+        {**EDGES, **BORDER},
+        equal=False,
+    ),
 }

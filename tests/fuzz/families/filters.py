@@ -62,6 +62,7 @@ CALLS: dict[str, Call] = {
     "scharr": Call(cvkern.scharr, IMAGE, {**BORDER, **AXIS, **MASK}),
     "prewitt": Call(cvkern.prewitt, IMAGE, {**BORDER, **AXIS, **MASK}),
     "laplace": Call(cvkern.laplace, IMAGE, {**BORDER, **MASK}),
+    "laplace of channels": Call(cvkern.laplace, DEEP, BORDER),
     "threshold_otsu": Call(cvkern.threshold_otsu, IMAGE, {"nbins": whole(0, 300)}),
     "gradient": Call(
         cvkern.gradient,

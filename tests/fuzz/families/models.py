@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,38 @@ def paged(**options: Any) -> int:
         path = Path(folder) / "page.html"
         radiance.write_planes(radiance.planes_from_depth(PHOTO, AWAY, K), path, **options)
         return len(path.read_text())
+
+
+def splatted(degree: Any, steps: Any, **options: Any) -> float:
+    """Train splats for a few steps, write them, and read them; return their number."""
+    if not isinstance(steps, int) or steps > MOST_STEPS:
+        raise ValueError("steps")
+    field = radiance.SplatField(splats=30, degree=degree)
+    made = radiance.fit(scene(), field, steps=steps, progress=False, **options)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "splats.ply"
+        radiance.write_splats(path, made)
+        found = radiance.load_splats(path, made.cameras)
+    assert np.isfinite(radiance.render(found, made.cameras).color).all()
+    return found.settings.splats
+
+
+def splats_of(content: Any) -> Any:
+    """Read splats from the bytes of a file, and render them."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "splats.ply"
+        _write(path, content)
+        return radiance.render(radiance.load_splats(path, CAMERAS), CAMERAS).color
+
+
+@lru_cache(1)
+def splat_file() -> bytes:
+    """Return the file of a few splats."""
+    field = radiance.SplatField(splats=9, degree=1)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "splats.ply"
+        radiance.write_splats(path, radiance.fit(scene(), field, steps=1, progress=False))
+        return path.read_bytes()
 
 
 def lit(image: Any, **options: Any) -> Any:
@@ -167,9 +200,9 @@ def _write(path: Path, content: Any) -> None:
         raise TypeError("content") from None
 
 
-def harmed(draw: Draw) -> bytes:
+def harmed(draw: Draw, whole: Callable[[], bytes] = model_file) -> bytes:
     """Return a model's file, a few of whose bytes are others."""
-    content = bytearray(model_file())
+    content = bytearray(whole())
     for _ in range(int(draw.rng.integers(0, 4))):
         content[int(draw.rng.integers(len(content)))] ^= int(draw.rng.integers(1, 256))
     return bytes(content[: len(content) if draw.odd(0.8) else draw.rng.integers(len(content))])
@@ -252,6 +285,15 @@ CALLS: dict[str, Call] = {
         equal=False,
     ),
     "radiance.write_planes": Call(paged, {}, {"motion": number(0, 1)}, equal=False),
+    "radiance.write_splats": Call(
+        splatted,
+        {"degree": whole(0, 4), "steps": whole(0, MOST_STEPS)},
+        {"background": one("white", "learnt"), "appearance": one(None, "affine")},
+        equal=False,
+    ),
+    "radiance.load_splats": Call(
+        splats_of, {"content": partial(harmed, whole=splat_file)}, {}, equal=False
+    ),
     "radiance.fit_appearance": Call(
         lit,
         {"image": one(np.zeros((9, 13, 3), np.uint8), PHOTO)},

@@ -57,6 +57,61 @@ def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
         return np.array([len(part) for part in found])
 
 
+def stitched(paths: Any, tile: Any, bands: Any, scale: Any) -> Any:
+    """Stitch a few files, and check the panoramas against those of the images in memory.
+
+    A FileNotFoundError or an OSError leaves it where a path names no folder.
+    """
+    if not isinstance(paths, list) or not all(isinstance(a, np.ndarray) for a in paths):
+        with tempfile.TemporaryDirectory() as folder:
+            cvkern.scale.stitch(paths, folder)
+        return None
+    options = {"bands": bands, "scale": scale, "max_pixels": 10**6}
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
+        for file, picture in zip(files, paths, strict=True):
+            cvkern.images.write_image(file, picture)
+        found = cvkern.scale.stitch(files, folder + "/out", tile=tile, **options)
+        groups = cvkern.scale.recognize_panoramas(files)
+        whole = cvkern.stitch(paths, **options)
+        for one_of, other in zip(found.panoramas, whole, strict=True):
+            if one_of.members != other.members or one_of.pairs != other.pairs:
+                raise AssertionError("files make another panorama than arrays")
+            if not np.array_equal(one_of.mask, other.mask):
+                raise AssertionError("tiles of a panorama cover something else")
+            if tile is None and not np.array_equal(one_of.image, other.image):
+                raise AssertionError("tiles of a panorama differ from the whole")
+        if [g for g in groups.components if len(g) > 1] != [one_of.members for one_of in whole]:
+            raise AssertionError("groups are not the members of panoramas")
+        return [np.array(one_of.image) for one_of in found.panoramas]
+
+
+def grouped(paths: Any, data_range: Any) -> Any:
+    """Find the groups of a few files, and check them against those of the images in memory.
+
+    A FileNotFoundError or an OSError leaves it where a path names no folder.
+    """
+    if not isinstance(paths, list) or not all(isinstance(a, np.ndarray) for a in paths):
+        cvkern.scale.recognize_panoramas(paths)
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
+        for file, picture in zip(files, paths, strict=True):
+            cvkern.images.write_image(file, picture)
+        found = cvkern.scale.recognize_panoramas(files, data_range=data_range)
+    whole = cvkern.recognize_panoramas(paths, data_range=data_range)
+    if found.components != whole.components:
+        raise AssertionError("files make other groups than arrays")
+    return [np.array(part) for part in found.components]
+
+
+def views(draw: Draw) -> list[np.ndarray]:
+    """Return up to three parts of a picture that overlap."""
+    spots = cvkern.gaussian(draw.rng.integers(0, 256, (90, 240), np.uint8), 2, dtype="uint8")
+    wide = ((spots - 127.5) * 6 + 127.5).clip(0, 255).astype(np.uint8)
+    return [wide[:, 50 * n : 50 * n + 130] for n in range(draw.rng.integers(4))]
+
+
 def pictures(draw: Draw) -> list[np.ndarray]:
     """Return up to three small pictures."""
     return [draw.rng.integers(0, 256, (9, 12 + n), np.uint8) for n in range(draw.rng.integers(4))]
@@ -80,6 +135,15 @@ CALLS: dict[str, Call] = {
         mapped,
         {"paths": pictures, "radius": whole(0, 4), "suffix": one(".npy", ".npz", ".tif", ".xyz")},
         {},
+    ),
+    "scale.stitch": Call(
+        stitched,
+        {"paths": views, "tile": one(None, 64, 0), "bands": one(None, 0, 2, 9),
+         "scale": one(1.0, 0.5, -1.0)},
+        {},
+    ),
+    "scale.recognize_panoramas": Call(
+        grouped, {"paths": views, "data_range": one(None, 255.0, -1.0)}, {}
     ),
     "scale.halo": Call(
         halo,
