@@ -30,7 +30,8 @@ def convert_color(
     Parameters
     ----------
     image : array of shape (..., 3)
-        Colours: a point, a list or an image. sRGB in 0 to 1, or uint8 in 0 to 255.
+        Colours: a point, a list or an image. sRGB in 0 to 1, uint8 in 0 to 255, or uint16 in 0 to
+        65535.
     source, target : {'srgb', 'rgb', 'xyz', 'lms', 'lab', 'lch'}
         The spaces: sRGB, its linear values, CIE XYZ with Y = 1 for white, responses of cones (Hunt,
         Pointer and Estevez, for equal energy), CIE L*a*b*, and L*, chroma and hue in degrees.
@@ -93,11 +94,11 @@ def apply_matrix(
         raise ValueError(f"dtype must be float32 for {target!r}, got uint8")
     rt = runtime(image)
     given = library(image).dtype(image)
-    bytes_in = source == "srgb" and given == np.uint8
+    white = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}.get(given, 1)
     shape = tuple(image.shape)
     flat = (int(np.prod(shape[:-1])), 3)
-    scale = np.float32(1 / 255) if bytes_in else np.float32(1)
-    # On identity curves the scale of bytes could join the matrix; sRGB's curve needs it before.
+    # On identity curves the scale could join the matrix; sRGB's curve needs it before.
+    scale = np.float32(1 / white if source == "srgb" else 1)
     numbers = np.append(matrix.astype(np.float32).ravel(), scale)
     result = rt.empty(shape, dtype)
     source_form = int(FORMS.get(source, Form.LINEAR))

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import threading
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -46,16 +45,15 @@ def _tiff(file: Path) -> Any:
     """Return the first image of a TIFF, mapped into memory or in pieces."""
     import tifffile
 
-    tiff = tifffile.TiffFile(file)
-    page: Any = tiff.pages[0]
-    tag = page.tags.get("Orientation")
-    plain = page.photometric in (GRAY, RGB) and page.planarconfig == CONTIGUOUS
-    if not plain or page.imagedepth != 1 or (tag is not None and tag.value != UPRIGHT):
-        raise ValueError("read_image has to arrange its pixels")
-    if page.is_memmappable:
-        tiff.close()
-        return tifffile.memmap(file, page=0, mode="r")
-    pieces = _Pieces(tiff, page)
+    with tifffile.TiffFile(file) as tiff:
+        page: Any = tiff.pages[0]
+        tag = page.tags.get("Orientation")
+        plain = page.photometric in (GRAY, RGB) and page.planarconfig == CONTIGUOUS
+        if not plain or page.imagedepth != 1 or (tag is not None and tag.value != UPRIGHT):
+            raise ValueError("read_image has to arrange its pixels")
+        if page.is_memmappable:
+            return tifffile.memmap(file, page=0, mode="r")
+        pieces = _Pieces(file, page)
     pieces[:1, :1]  # raises what all of them would
     return pieces
 
@@ -63,38 +61,42 @@ def _tiff(file: Path) -> Any:
 class _Pieces:
     """An image in tiles or strips, of which a window decodes those that it touches."""
 
-    def __init__(self, tiff: Any, page: Any) -> None:
-        self.tiff, self.page = tiff, page
+    def __init__(self, file: Path, page: Any) -> None:
+        self.file, self.decode, self.tables = file, page.decode, page.jpegtables
         self.shape, self.dtype = tuple(page.shape), np.dtype(page.dtype)
-        self.lock = threading.Lock()
+        self.sides, self.places = page.chunks[:2], (page.dataoffsets, page.databytecounts)
 
     def __getitem__(self, place: Place) -> np.ndarray:
         (top, bottom, _), (left, right, _) = (
             part.indices(size) for part, size in zip(place, self.shape, strict=False)
         )
-        high, wide = self.page.chunks[:2]
+        high, wide = self.sides
         across = -(-self.shape[1] // wide)
         window = np.zeros((bottom - top, right - left, *self.shape[2:]), self.dtype)
-        for row in range(top // high, -(-bottom // high)):
-            for column in range(left // wide, -(-right // wide)):
-                piece = self._piece(row * across + column)
-                if piece is None:  # nothing was stored of it
-                    continue
-                y, x = row * high, column * wide
-                piece = piece[max(top - y, 0) : bottom - y, max(left - x, 0) : right - x]
-                y, x = max(y - top, 0), max(x - left, 0)
-                window[y : y + piece.shape[0], x : x + piece.shape[1]] = piece
+        with open(self.file, "rb") as stream:
+            for row in range(top // high, -(-bottom // high)):
+                for column in range(left // wide, -(-right // wide)):
+                    piece = self._piece(stream, row * across + column)
+                    if piece is None:  # nothing was stored of it
+                        continue
+                    y, x = row * high, column * wide
+                    piece = piece[max(top - y, 0) : bottom - y, max(left - x, 0) : right - x]
+                    y, x = max(y - top, 0), max(x - left, 0)
+                    window[y : y + piece.shape[0], x : x + piece.shape[1]] = piece
         return window
 
-    def _piece(self, number: int) -> np.ndarray | None:
+    def _piece(self, stream: BinaryIO, number: int) -> np.ndarray | None:
         """Return the pixels of a piece, or None."""
-        count = self.page.databytecounts[number]
+        offset, count = (places[number] for places in self.places)
         if not count:
             return None
-        with self.lock:
-            self.tiff.filehandle.seek(self.page.dataoffsets[number])
-            data = self.tiff.filehandle.read(count)
-        found, _, shape = self.page.decode(data, number, jpegtables=self.page.jpegtables)
+        stream.seek(offset)
+        try:
+            found, _, shape = self.decode(stream.read(count), number, jpegtables=self.tables)
+        except Exception as error:  # decoders raise many types
+            raise ValueError(
+                f"source must be a readable image, got {str(self.file)!r}: {error}"
+            ) from error
         found = found[0, : shape[1], : shape[2]]
         return found if len(self.shape) == 3 else found[..., 0]
 

@@ -69,13 +69,14 @@ def apply(
         One of :data:`TILED`, or its name.
     source : array of shape (H, W) or (H, W, C), or a tuple of two for `stereo_match`
         Anything with a `shape` that gives an array when it is sliced by rows and columns: a NumPy
-        memory map, an array of Zarr or HDF5. For an array of Dask, tiles are tasks of Dask, which
-        run where its scheduler says: on threads, or on the workers of a client; not for the Hough
-        transforms and `stereo_match`.
+        memory map, an array of Zarr or HDF5; or an image of pyvips. For an array of Dask, tiles are
+        tasks of Dask, which run where its scheduler says: on threads, or on the workers of a
+        client; not for the Hough transforms and `stereo_match`.
     target : array of the result's shape, or a tuple of them, optional
         Anything that takes a tile when it is assigned to a slice. When omitted, NumPy arrays are
         made; of an array of Dask, one of Dask is returned, and nothing is computed yet. Functions
-        with several results need one target for each. None for `hough_line`,
+        with several results need one target for each. It must not share memory with `source`.
+        Space on disk for memory maps is taken first, where the system can. None for `hough_line`,
         `generalized_hough` and `generalized_hough_votes`, whose votes are added up in memory.
     tile : int or (int, int), default 2048
         Height and width of a tile, pixels; of `stereo_match`, strips have all columns.
@@ -107,7 +108,10 @@ def apply(
         If the function does not have an option, or the arrays hold no real numbers.
     ValueError
         If the function does not work tile by tile, an option has no meaning there
-        (:func:`halo`), a shape is wrong, or `journal` is that of another call.
+        (:func:`halo`), a shape is wrong, `source` changes its shape meanwhile, `target` shares its
+        memory, or `journal` is that of another call.
+    OSError
+        If `source` cannot be read, or `target` or `journal` not be written.
 
     Notes
     -----

@@ -52,6 +52,8 @@ def test_bytes(backend):
     np.testing.assert_array_equal(
         cvkern.convert_color(linear, "rgb", "srgb", dtype=np.uint8), image
     )
+    deep = cvkern.convert_color(image.astype(np.uint16) * 257, "srgb", "rgb")
+    np.testing.assert_allclose(deep, linear, rtol=1e-6)
     wide = np.random.default_rng(1).uniform(-0.1, 1.1, (5000, 3)).astype(np.float32)
     got = cvkern.convert_color(wide, "rgb", "srgb", dtype=np.uint8)
     # The matrix is the unit matrix only to rounding: codes may differ where it is 0.49999.
