@@ -26,7 +26,7 @@ def opened(file: Path) -> Any:
     if file.suffix == ".npy":
         try:
             return np.load(file, mmap_mode="r", allow_pickle=False)
-        except ValueError as error:
+        except (ValueError, EOFError) as error:  # an empty file has the last one
             raise ValueError(f"source must be an array of NumPy, got {str(file)!r}") from error
     if file.suffix == ".zarr":
         return zarr_array(file, "source", mode="r")

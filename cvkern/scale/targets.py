@@ -87,7 +87,7 @@ def _shared(one: Any, other: Any) -> bool:
         return True
     if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)):
         return False
-    if np.may_share_memory(one, other, max_work=10**4):
+    if np.may_share_memory(one, other, max_work=10**4):  # pyright: ignore[reportArgumentType]
         return True
     if not (isinstance(one, np.memmap) and isinstance(other, np.memmap)):
         return False

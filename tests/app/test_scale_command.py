@@ -98,11 +98,13 @@ def test_a_folder(command, tmp_path):
         ("options must be those of box", ["box", "photo.png", "out.npy", "size=3"]),
         ("target must end in .npy, .tif or .zarr", ["box", "photo.png", "out.png"]),
         ("source must be a file that exists", ["box", "none.npy", "out.npy"]),
+        ("source must be an array of NumPy", ["box", "empty.npy", "out.npy"]),
         ("target must not be a file that is read", ["box", "photo.png", "photo.png"]),
     ],
 )
 def test_what_does_not_fit_is_refused(command, tmp_path, message, words):
     write_image(tmp_path / "photo.png", IMAGE)
+    (tmp_path / "empty.npy").touch()
     name, source, target, *options = words
     code, _, said = command("scale", name, tmp_path / source, tmp_path / target, *options)
     assert code == 2
