@@ -84,6 +84,28 @@ def test_a_projectors_gamma_is_undone(backend):
         assert (off < 0.1) == (gamma == 2.2)  # three steps cannot cancel the second harmonic
 
 
+def test_a_projectors_table_is_undone():
+    """One that is black below a value, white above another, and bent between."""
+    rise = np.linspace(-0.2, 1.1, 256).clip(0, 1)
+    table = 7 + 90 * (rise**2.2 + 0.5 * rise)
+    patterns = cvkern.phase_shift_patterns((8, 200), (1, 10), 3, gamma=table)
+    found = cvkern.decode_phase_shift(table[patterns], (8, 200), (1, 10), 3)
+    # Light is off by half a step of the table, at most 0.011 of the amplitude: 0.011 radians.
+    assert np.abs(found.columns - np.arange(200)).max() < 0.011 / (2 * np.pi) * 200 / 10
+    one, other = (
+        cvkern.phase_shift_patterns((8, 200), gamma=g).astype(int) for g in (1.0, np.arange(256))
+    )
+    assert np.abs(one - other).max() <= 1  # light in the middle of two values is that of either
+    assert (one == other).mean() > 0.8
+    for wrong, message in (
+        (np.ones(255), r"gamma must be a number or have shape \(256,\), got \(255,\)"),
+        (np.ones(256), "gamma must be finite and rise, got a table that does not"),
+        (table[::-1], "gamma must be finite and rise, got a table that does not"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cvkern.phase_shift_patterns((8, 200), gamma=wrong)
+
+
 def test_the_threshold_is_a_share_of_the_brightest(backend):
     shape = (30, 64)
     pattern = cvkern.phase_shift_patterns(shape, (1, 4), 4).astype(F32)

@@ -21,6 +21,7 @@ LEAST_BETWEEN = 0.12  # sine of twice the angle between an edge and those axes
 MOST_STRENGTH = np.log(3.0)  # logarithm of the ratio of neighbours' strengths
 MOST_BENT = 0.35  # share of the spacing that lenses bend a corner off the plane of the others
 LEAST_KNOWN = 0.7  # share of a grid's corners that must be found before the rest is looked for
+MOST_BESIDE = 0.5  # share of a line of corners beside a board, which then has this line as well
 MOST_GAP = 0.3  # share of the spacing that such a corner may be off
 GUESSED_FROM = 12  # known corners that tell where one is missing
 
@@ -239,11 +240,16 @@ def _windows(
         return []
     padded = np.pad(table, [(more[0],) * 2, (more[1],) * 2, (0, 0)], constant_values=np.nan)
     known = np.isfinite(padded[..., 0])
+    around = np.pad(known, 1)
     boards = []
     for i in range(known.shape[0] - rows + 1):
         for j in range(known.shape[1] - columns + 1):
             count = int(known[i : i + rows, j : j + columns].sum())
-            if count >= LEAST_KNOWN * rows * columns:
+            beside = max(
+                around[[i, i + rows + 1], j + 1 : j + columns + 1].sum(axis=1).max() / columns,
+                around[i + 1 : i + rows + 1, [j, j + columns + 1]].sum(axis=0).max() / rows,
+            )
+            if count >= LEAST_KNOWN * rows * columns and beside < MOST_BESIDE:
                 board = _completed(padded[i : i + rows, j : j + columns], smooth)
                 boards += [(count, board)] if board is not None else []
     return boards
