@@ -79,7 +79,7 @@ def gray_code_patterns(
             frames += [pattern, 255 - pattern]
     if lights:
         frames += [np.full((height, width), value, np.uint8) for value in (255, 0)]
-    return np.stack(frames) if frames else np.zeros((0, height, width), np.uint8)
+    return _stacked(frames)
 
 
 def phase_shift_patterns(
@@ -154,7 +154,12 @@ def phase_shift_patterns(
                 row = levels(light)
                 whole = row if axis == "columns" else row[:, None]
                 frames.append(np.broadcast_to(whole, (height, width)))
-    return np.stack(frames)
+    return _stacked(frames)
+
+
+def _stacked(frames: list[np.ndarray]) -> np.ndarray:
+    """Return frames as one array, each row by row: the stack of broadcast ones may be otherwise."""
+    return np.stack(frames, out=np.empty((len(frames), *frames[0].shape), np.uint8))
 
 
 def _levels_of(gamma: Any) -> Callable[[np.ndarray], np.ndarray]:

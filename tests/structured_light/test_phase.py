@@ -66,6 +66,7 @@ def test_noise_is_that_of_the_bound(backend):
     shape, frequencies, steps, sigma = (200, 640), (1, 8, 64), 4, 5.0
     rng = np.random.default_rng(7)
     pattern = cvkern.phase_shift_patterns(shape, frequencies, steps, axes=["columns"])
+    assert pattern.flags.c_contiguous
     seen = pattern * F32(0.8) + rng.normal(0, sigma, pattern.shape).astype(F32)
     found = cvkern.decode_phase_shift(seen, shape, frequencies, steps, axes=["columns"])
     off = found.columns - np.arange(shape[1])
