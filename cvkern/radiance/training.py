@@ -380,7 +380,7 @@ def _begin(
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = built(settings, frame, seed, wild.appearance)
-    made.start(scene)
+    made.start(scene, {"background": background, **wild._asdict()})
     return Model(
         made, settings, background, behind, scene.cameras, seed,
         Training(), {}, wild.appearance, gauge, wild.robust, wild.transient,

@@ -18,7 +18,7 @@ from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.march import STOP, taken
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.splats.relocation import relocated
-from cvkern.radiance.splats.starts import at_random, of_file
+from cvkern.radiance.splats.starts import RANDOM, at_points_of, at_random, of_file, of_training
 
 BETAS, EPSILON = (0.9, 0.999), 1e-15
 # Learning rates but that of the means, as published for 3DGS.
@@ -52,9 +52,9 @@ class SplatField:
     GPU: no sum depends on an order.
 
     Pictures are made of whole views, and an opacity on a screen is no density, so :func:`mesh`
-    refuses a field of splats; :func:`point_cloud` takes it. :func:`fit` refuses `spread`, `robust`,
-    `transient` and masks for it. Depths are those of the middles of the splats. Within a splat, a
-    lens bends alike.
+    refuses a field of splats; :func:`point_cloud` takes it. For it, :func:`fit` refuses `spread`,
+    and masks together with `robust` or `transient`. Depths are those of the middles of the splats,
+    and a lens bends a splat as it bends its middle.
 
     References
     ----------
@@ -67,9 +67,11 @@ class SplatField:
     splats: int = 2**16
     """Number of splats."""
     start: str | None = None
-    """A ``.ply`` file of points, with or without colours, to begin with, in units of the world: a
-    cloud of COLMAP, for example, or of :func:`point_cloud` of another field, or splats of
-    :func:`write_splats`. By default splats begin at random places."""
+    """What to begin with: by default, points of a small :class:`VoxelField`, which is trained first
+    for 200 steps, beyond the time of :func:`fit`. ``"random"`` for random places. Or a path to
+    points in units of the world: a ``.ply`` file of points, with or without colours, or of splats;
+    the folder of a reconstruction, COLMAP's or one of :func:`cvkern.write_reconstruction`; or a
+    model of any field, ``.npz``, whose :func:`point_cloud` is taken."""
     degree: int = 3
     """Degree of the harmonics of the colours, 0 to 3; 0 for colours that are the same from all
     sides."""
@@ -90,7 +92,7 @@ class SplatField:
         for name in ("fade", "shrink"):
             check_number(getattr(self, name), name, low=0.0)
         if self.start is not None and not isinstance(self.start, str):
-            raise TypeError(f"start must be the path of a .ply file, got {self.start!r}")
+            raise TypeError(f"start must be the path of points, or 'random', got {self.start!r}")
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> SplatCloud:
         """Return the field itself, without splats yet."""
@@ -120,13 +122,18 @@ class SplatCloud(Field):
             "sides": (count, more) if more else (1, 1)
         }
 
-    def start(self, scene: Scene) -> None:
+    def start(self, scene: Scene, options: Mapping[str, Any]) -> None:
         """See :meth:`Field.start`."""
-        s = self.settings
+        s, given = self.settings, (self.settings.splats, self.settings.degree, self.seed)
+        cloud = None
         if s.start is None:
-            self.become(at_random(self.frame, s.splats, s.degree, self.seed))
+            cloud = of_training(scene, options, s.splats, self.seed)
+        elif s.start != RANDOM:
+            cloud = of_file(s.start)
+        if cloud is None or not len(cloud[0]):
+            self.become(at_random(self.frame, *given))
         else:
-            self.become(of_file(s.start, self.frame, s.splats, s.degree, self.seed))
+            self.become(at_points_of(cloud, self.frame, *given))
 
     def become(self, splats: Splats) -> None:
         """Begin with these splats."""
@@ -184,6 +191,10 @@ class SplatCloud(Field):
         self.rt.radiance.fields.splats.batches.photograph(
             images, self.leap, seed, step, self.view, targets, *places
         )
+
+    def leave_out(self, masks: Any, errors: Any, gradients: tuple[Any, Any, Any]) -> None:
+        """See :meth:`Field.leave_out`."""
+        self.rt.radiance.fields.splats.batches.leave_out(masks, self.view, errors, *gradients)
 
     def _sight(self) -> Sight:
         v = self.views

@@ -59,7 +59,8 @@ def write_splats(path: str | os.PathLike[str], model: Model) -> None:
     --------
     >>> from cvkern.radiance import SplatField, fit, load_splats, make_scene, write_splats
     >>> scene = make_scene(train=3, test=1, size=16)
-    >>> write_splats("splats.ply", fit(scene, SplatField(splats=64), steps=2))
+    >>> field = SplatField(splats=64, start="random")
+    >>> write_splats("splats.ply", fit(scene, field, steps=2))
     >>> load_splats("splats.ply", scene.cameras).settings.splats
     64
     """
@@ -118,7 +119,8 @@ def load_splats(path: str | os.PathLike[str], cameras: Cameras | None = None) ->
     --------
     >>> from cvkern.radiance import SplatField, fit, load_splats, make_scene, render, write_splats
     >>> scene = make_scene(train=3, test=1, size=16)
-    >>> write_splats("splats.ply", fit(scene, SplatField(splats=64), steps=2))
+    >>> field = SplatField(splats=64, start="random")
+    >>> write_splats("splats.ply", fit(scene, field, steps=2))
     >>> render(load_splats("splats.ply"), scene.cameras).color.shape
     (16, 16, 3)
     """

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 import cvkern
 from cvkern._runtime import runtime
@@ -18,17 +19,19 @@ from cvkern.radiance import (
     load_splats,
     make_scene,
     mesh,
+    pixel_rays,
     point_cloud,
     render,
     write_splats,
 )
 from cvkern.radiance.fields.splats import SplatCloud
 from cvkern.radiance.rendering import owned
+from cvkern.radiance.splats import starts
 from cvkern.radiance.splats.relocation import MOST_COPIES, relocated, shared
 from tests.radiance.fields.reference_splats import rotation
 from tests.radiance.runs import interrupt, press_ctrl_c, same
 
-SMALL = SplatField(splats=600, fade=0.03, shrink=0.03)
+SMALL = SplatField(splats=600, start="random", fade=0.03, shrink=0.03)
 STEPS = 120
 LEARNT = 17.5  # measured: 18.4 dB on held-out views
 
@@ -165,10 +168,72 @@ def test_starts(scene, model, tmp_path):
     write_splats(tmp_path / "splats.ply", model)
     again = replace(SMALL, splats=300, start=str(tmp_path / "splats.ply"))
     better = fit(scene, again, steps=40, progress=False).training.marks[-1].test_psnr
-    plain = fit(scene, replace(again, start=None), steps=40, progress=False)
+    plain = fit(scene, replace(again, start="random"), steps=40, progress=False)
     assert better > plain.training.marks[-1].test_psnr
     with pytest.raises(FileNotFoundError, match="path must be a file that exists"):
         fit(scene, replace(SMALL, start="nowhere.ply"), steps=1)
+
+
+def begun(scene, start):
+    """Return the places in the world and the colours of splats that have taken one step."""
+    found = cloud(fit(scene, replace(SMALL, start=start), steps=1, progress=False))
+    splats = Splats(*(found.rt.to_numpy(a) for a in found.splats))
+    return splats.means * scene.bounds.half + scene.bounds.center, 0.5 + 0.282 * splats.colors
+
+
+def test_starts_from_points_of_colmap(scene, tmp_path):
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (50, 3))
+    (tmp_path / "cameras.txt").write_text("1 PINHOLE 20 20 20 20 10 10\n")
+    seen = " ".join(f"5 5 {n}" for n in range(50))
+    (tmp_path / "images.txt").write_text(f"1 1 0 0 0 0 0 2 1 a.png\n{seen}\n")
+    rows = (f"{n} {x} {y} {z} 0 255 0 0.5 1 {n}\n" for n, (x, y, z) in enumerate(points))
+    (tmp_path / "points3D.txt").write_text("".join(rows))
+    places, colors = begun(scene, str(tmp_path))
+    apart = np.linalg.norm(places[:, None] - points, axis=2).min(axis=0)
+    assert apart.max() < 0.02 * scene.bounds.half
+    assert colors[:, 1].min() > 0.95
+    assert colors[:, 0].max() < 0.05
+
+
+def test_starts_from_a_short_training_of_voxels(scene, monkeypatch, tmp_path):
+    """The scene's depths say where its surfaces are."""
+    surface = np.concatenate([
+        origins + depths[solid][:, None] * ways
+        for view, depths in enumerate(scene.depths)
+        for solid in [np.isfinite(depths)]
+        for origins, ways in [pixel_rays(scene.cameras, view, np.argwhere(solid))]
+    ])  # fmt: skip
+    monkeypatch.setattr(starts, "CELLS", (32,))
+    monkeypatch.setattr(starts, "SHARES", ())
+    monkeypatch.setattr(starts, "STEPS", 60)
+    gaps = {}
+    for start in (None, "random"):
+        places, _ = begun(scene, start)
+        gaps[start], _ = KDTree(surface).query(places)
+    assert np.median(gaps[None]) < 0.3 * np.median(gaps["random"])
+    grid = VoxelField(resolutions=(16,), shares=(), rays=256)
+    file = tmp_path / "grid.npz"
+    fit(scene, grid, steps=60, checkpoint=file, progress=False)
+    of_grid, _ = KDTree(surface).query(begun(scene, str(file))[0])
+    assert np.median(of_grid) < 0.6 * np.median(gaps["random"])
+    with monkeypatch.context() as patch:
+        interrupt(patch, 5, press_ctrl_c)
+        with pytest.raises(KeyboardInterrupt):
+            begun(scene, None)
+
+
+def test_pixels_under_masks_have_no_effect(scene):
+    """Photographs that differ under masks alone make the same model."""
+    masks = np.ones(scene.images.shape[:3], bool)
+    masks[:, 8:20, 4:18] = False
+    models = []
+    for value in (0, 200):
+        images = scene.images.copy()
+        images[~masks] = value
+        changed = replace(scene, images=images, masks=masks)
+        models.append(fit(changed, SMALL, steps=30, progress=False))
+    assert same(*models)
+    assert models[0].training.marks[-1].psnr == models[1].training.marks[-1].psnr
 
 
 def test_light_and_backgrounds(scene):
@@ -186,13 +251,13 @@ def test_points_of_splats(scene, model):
 
 
 def test_refusals(scene, model, tmp_path):
-    for options in ({"robust": True}, {"transient": True}, {"spread": 1.0}):
-        given: Any = options
-        with pytest.raises(ValueError, match="field must not be one of splats with"):
-            fit(scene, SMALL, steps=1, **given)
+    with pytest.raises(ValueError, match="spread must be 0 for splats, got 1"):
+        fit(scene, SMALL, steps=1, spread=1.0)
     masked = replace(scene, masks=np.ones(scene.images.shape[:3], bool))
-    with pytest.raises(ValueError, match="field must not be one of splats with masks"):
-        fit(masked, SMALL, steps=1)
+    for name in ("robust", "transient"):
+        given: Any = {name: True}
+        with pytest.raises(ValueError, match=f"{name} must not go with masks for splats"):
+            fit(masked, SMALL, steps=1, **given)
     with pytest.raises(ValueError, match="model must have densities"):
         mesh(model)
     mistakes: Any = (
@@ -346,3 +411,19 @@ def test_photographs_take_turns(channels):
         np.testing.assert_array_equal(rt.to_numpy(places[1]), np.arange(12))
         seen.append(number)
     assert sorted(seen) == list(range(5))
+
+
+@pytest.mark.usefixtures("backend")
+def test_pixels_that_are_left_out():
+    rt, rng, count = runtime(), np.random.default_rng(0), 40
+    masks = rng.integers(0, 2, (3, count)).astype(np.uint8)
+    before = [rng.normal(size=s).astype(np.float32) for s in ((count,), (count, 3), (count,),
+                                                              (count, 3))]  # fmt: skip
+    arrays = [owned(rt, a) for a in before]
+    rt.radiance.fields.splats.batches.leave_out(
+        owned(rt, masks.ravel()), owned(rt, np.array([1], np.int32)), *arrays
+    )
+    out = masks[1] == 0
+    for found, given, value in zip(arrays, before, (-1, 0, 0, 0), strict=True):
+        given[out] = value
+        np.testing.assert_array_equal(rt.to_numpy(found), given)
