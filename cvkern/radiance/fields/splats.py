@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._files import as_path
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule, CameraSet, Composited, Rays, Seen
 from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
@@ -21,9 +23,9 @@ from cvkern.radiance.splats.relocation import relocated
 from cvkern.radiance.splats.starts import RANDOM, at_points_of, at_random, of_file, of_training
 
 BETAS, EPSILON = (0.9, 0.999), 1e-15
-# Learning rates but that of the means, as published for 3DGS.
+# Learning rates, except that of the means.
 RATES = {"turns": 1e-3, "scales": 5e-3, "opacities": 5e-2, "colors": 2.5e-3, "sides": 1.25e-4}
-WANDER = 1e6  # strength of the random moves, in units of the frame
+WANDER = 1e6  # factor of the variance of a splat, times the rate of the means: its random moves
 PERIOD, FIRST = 100, 500  # steps between relocations, and the step of the first one
 LAST = 0.85  # share of the training after which nothing is relocated
 NEAREST = 0.04  # depth below which splats are not seen, at most
@@ -66,7 +68,7 @@ class SplatField:
 
     splats: int = 2**16
     """Number of splats."""
-    start: str | None = None
+    start: str | os.PathLike[str] | None = None
     """What to begin with: by default, points of a small :class:`VoxelField`, which is trained first
     for 200 steps, beyond the time of :func:`fit`. ``"random"`` for random places. Or a path to
     points in units of the world: a ``.ply`` file of points, with or without colours, or of splats;
@@ -91,8 +93,8 @@ class SplatField:
             check_positive(getattr(self, name), name)
         for name in ("fade", "shrink"):
             check_number(getattr(self, name), name, low=0.0)
-        if self.start is not None and not isinstance(self.start, str):
-            raise TypeError(f"start must be the path of points, or 'random', got {self.start!r}")
+        if self.start is not None:
+            object.__setattr__(self, "start", str(as_path(self.start, "start")))
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> SplatCloud:
         """Return the field itself, without splats yet."""
@@ -129,7 +131,7 @@ class SplatCloud(Field):
         if s.start is None:
             cloud = of_training(scene, options, s.splats, self.seed)
         elif s.start != RANDOM:
-            cloud = of_file(s.start)
+            cloud = of_file(os.fspath(s.start))
         if cloud is None or not len(cloud[0]):
             self.become(at_random(self.frame, *given))
         else:
