@@ -24,9 +24,9 @@ from cvkern.radiance.splats.starts import RANDOM, at_points_of, at_random, of_fi
 
 BETAS, EPSILON = (0.9, 0.999), 1e-15
 # Learning rates, except that of the means.
-RATES = {"turns": 1e-3, "scales": 5e-3, "opacities": 5e-2, "colors": 2.5e-3, "sides": 1.25e-4}
+RATES = {"turns": 2e-3, "scales": 1e-2, "opacities": 5e-2, "colors": 5e-3, "sides": 5e-4}
 WANDER = 1e6  # factor of the variance of a splat, times the rate of the means: its random moves
-PERIOD, FIRST = 100, 500  # steps between relocations, and the step of the first one
+PERIOD, FIRST = 100, 100  # steps between relocations, and the step of the first one
 LAST = 0.85  # share of the training after which nothing is relocated
 NEAREST = 0.04  # depth below which splats are not seen, at most
 MOST_PIXELS, MOST_ENTRIES = 2**26, 2**30
@@ -77,19 +77,22 @@ class SplatField:
     degree: int = 3
     """Degree of the harmonics of the colours, 0 to 3; 0 for colours that are the same from all
     sides."""
+    blur: float = 1 / 12
+    """Variance that a pixel adds to a splat on the screen, in units of the square of a pixel's
+    side: by default that of the pixel itself. Programs of 3DGS add 0.3, which is softer."""
     learning_rate: float = 1.6e-4
     """Learning rate of the places, as a share of the reach of the cameras."""
     final_rate: float = 0.01
     """The same at the end, as a share of that at the beginning."""
-    fade: float = 0.001
+    fade: float = 3e-4
     """Cost of the mean opacity, in units of the mean squared error of a photograph."""
-    shrink: float = 0.001
+    shrink: float = 3e-4
     """Cost of the mean size."""
 
     def __post_init__(self) -> None:
         check_integer(self.splats, "splats", 1, 2**24)
         check_integer(self.degree, "degree", 0, 3)
-        for name in ("learning_rate", "final_rate"):
+        for name in ("blur", "learning_rate", "final_rate"):
             check_positive(getattr(self, name), name)
         for name in ("fade", "shrink"):
             check_number(getattr(self, name), name, low=0.0)
@@ -200,7 +203,7 @@ class SplatCloud(Field):
 
     def _sight(self) -> Sight:
         v = self.views
-        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near)
+        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near, self.settings.blur)
 
     def _sort(self) -> None:
         kernels = self.rt.radiance.fields.splats
@@ -301,7 +304,9 @@ class SplatCloud(Field):
         width, height = cameras.width, cameras.height
         columns, tiles = _tiles(width, height)
         view = rt.constant(np.zeros(1, np.int32))
-        sight = Sight(cameras.poses, cameras.lenses, view, width, height, self.near)
+        sight = Sight(
+            cameras.poses, cameras.lenses, view, width, height, self.near, self.settings.blur
+        )
         screen = Screen(
             room("shown", (number, SHOWN), np.float32), room("boxes", (number, 4)),
             room("depths", (number,)),

@@ -107,6 +107,7 @@ def test_ply_files(scene, degree, tmp_path):
     write_splats(tmp_path / "splats.ply", model)
     found = load_splats(tmp_path / "splats.ply", scene.cameras)
     assert (found.settings.splats, found.settings.degree) == (SMALL.splats, degree)
+    assert found.settings.blur == model.settings.blur
     one, other = (
         render(m, scene.cameras, 2, background=(0, 0, 0)) for m in (model, found)
     )  # fmt: skip
@@ -137,6 +138,7 @@ def test_a_ply_file_is_that_of_3dgs(tmp_path):
         cvkern.radiance.look_at([[3, 0, 0], [-3, 0, 0]], [0, 0, 0]), [60, 60, 16, 16], 33, 33
     )
     model = load_splats(file, views)
+    assert model.settings.blur == 0.3
     seen = [render(model, views, view) for view in (0, 1)]
     # The camera at +x sees along (-1, 0, 0): red has 0.5 + 0.28209 0.5 + 0.4886 0.4.
     opacity = 1 / (1 + np.exp(-3))
@@ -283,6 +285,7 @@ def test_refusals(scene, model, tmp_path):
         (r"degree must be in \[0, 3\], got 4", {"degree": 4}),
         ("fade must be >= 0", {"fade": -1.0}),
         ("learning_rate must be > 0", {"learning_rate": 0.0}),
+        ("blur must be > 0", {"blur": 0.0}),
     )
     for message, options in mistakes:
         with pytest.raises(ValueError, match=message):
@@ -305,6 +308,9 @@ def test_broken_ply_files(model, tmp_path):
         load_splats(file)
     file.write_bytes(whole.replace(b"float f_rest_44", b"float f_west_44"))
     with pytest.raises(ValueError, match="with 44"):
+        load_splats(file)
+    file.write_bytes(whole.replace(b"comment blur 0.", b"comment blur -0."))
+    with pytest.raises(ValueError, match="path must have a blur > 0 in its comment"):
         load_splats(file)
     file.write_bytes(whole.replace(b"float opacity", b"float opacite"))
     with pytest.raises(ValueError, match="got one without opacity"):
