@@ -106,7 +106,7 @@ def test_the_command(command, photo, tmp_path, monkeypatch, kind):
     """It listens on this machine only."""
     if kind == "splats":
         scene = make_scene(train=2, test=0, size=12)
-        made = fit(scene, SplatField(splats=9), steps=1, progress=False)
+        made = fit(scene, SplatField(splats=9, start="random"), steps=1, progress=False)
         write_splats(tmp_path / "splats.ply", made)
     write_ply(tmp_path / "cloud.ply", np.eye(3))
     np.save(tmp_path / "map.npy", np.eye(5))
