@@ -11,7 +11,7 @@ import typer
 import cvkern
 from cvkern.app.commands import Backend, Device, Drawing, check_apart
 
-TURNS = {3: 2, 5: 1, 6: 3}  # of LibRaw's codes of orientation
+TURNS = {3: 2, 5: 1, 6: 3}  # quarters of a turn for the codes of LibRaw
 SUFFIXES = (".dng", ".nef", ".cr2", ".cr3", ".arw", ".raf", ".orf", ".rw2", ".pef")
 
 
