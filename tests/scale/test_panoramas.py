@@ -131,7 +131,7 @@ def test_a_killed_run_goes_on(tmp_path):
         run.wait()
         run.stdout.close()
     notes = out / "journal"
-    tiles = {path.name for path in notes.glob("0-*.npz")}
+    tiles = {path.name for path in notes.glob("tiles/0-*.npz")}
     assert tiles
     assert said[1][0] == "4 Keypoints"
     changed = {path: path.stat().st_mtime_ns for path in notes.rglob("*.npz")}
@@ -237,5 +237,11 @@ def test_old_panoramas_are_replaced_when_asked(tmp_path):
     with pytest.raises(ValueError, match="target must not hold a file of paths"):
         scale.stitch([*folder.iterdir(), out / "panorama-1.npy"], out, overwrite=True)
     assert written == {path.name for path in out.iterdir()}
+    large, said = tmp_path / "large", []
     with pytest.raises(ValueError, match="max_pixels must be at least"):
-        scale.stitch(folder, tmp_path / "large", max_pixels=1000)
+        scale.stitch(folder, large, max_pixels=1000)
+    # Whoever takes the advice waits neither for keypoints nor for pairs.
+    small = scale.stitch(folder, large, scale=0.1, progress=lambda *step: said.append(step[2]))
+    assert {text.split()[0] for text in said} == {"Panorama"}
+    same(small.panoramas[0], cvkern.stitch(images, scale=0.1)[0])
+    assert not (large / "journal").exists()
