@@ -52,7 +52,7 @@ ON_CPU: dict[str, dict[str, Any]] = {
         "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
         "steps": 128, "learning_rate": 5e-3,
     },
-    "splats": {"splats": 2**13, "fade": 0.03, "shrink": 0.03},
+    "splats": {"splats": 2**13},
 }  # fmt: skip
 # The defaults of a grid are for the CPU. A GPU is fast enough for a finer one if the memory allows.
 ON_GPU: dict[str, dict[str, Any]] = {
@@ -102,8 +102,8 @@ def fit(
         show anything. By default 'voxel' on the CPU, where it mostly learns faster, and 'hash' on
         a GPU.
     seconds : float, optional
-        Training time, > 0; 60 by default. The first step, which may compile kernels, evaluation of
-        held-out views, and saving are not counted.
+        Training time, > 0; 60 by default. What planes and splats begin with, the first step, which
+        may compile kernels, evaluation of held-out views, and saving are not counted.
     steps : int, optional
         Number of batches, instead of `seconds`. On the CPU the same steps give the same model, bit
         for bit, with the same number of threads.
@@ -372,7 +372,7 @@ def _begin(
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = built(settings, frame, seed, wild.appearance)
-    made.start(scene)
+    made.start(scene, {"background": background, **wild._asdict()})
     return Model(
         made, settings, background, behind, scene.cameras, seed,
         Training(), {}, wild.appearance, gauge, wild.robust, wild.transient,
