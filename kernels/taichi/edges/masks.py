@@ -132,7 +132,7 @@ def _is_maximum_along_gradient(
     y: ti.i32,
     x: ti.i32,
     norm: ti.i32,
-    framed: ti.i32,  # as scikit-image: of two equal neighbours, both are maxima
+    framed: ti.i32,  # whether two equal neighbours are both maxima, as in scikit-image
     zero: ti.i32,
 ) -> ti.i32:
     """Tell whether a pixel is a maximum along its gradient, by interpolation (Canny 1986)."""
