@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -199,12 +200,16 @@ def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[i
 
     centre = min(range(count), key=lambda i: (distances(i), i))
     parents, order = np.full(count, -1), [centre]
-    # The images are connected, so each round adds one.
-    while len(order) < count:
-        edges = [(-weights[i, j], j, i) for i in order for j in near[i] if j not in order]
-        _, j, i = min(edges)
+    edges = [(-weights[centre, j], j, centre) for j in near[centre]]
+    heapq.heapify(edges)
+    # Each round adds an image, and the edges that lead on from it.
+    while edges:
+        _, j, i = heapq.heappop(edges)
         parents[j] = i
         order.append(j)
+        for k in near[j]:
+            if k != i:
+                heapq.heappush(edges, (-weights[j, k], k, j))
     return parents, order
 
 
