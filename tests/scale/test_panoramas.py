@@ -137,6 +137,12 @@ def test_a_killed_run_goes_on(tmp_path):
     changed = {path: path.stat().st_mtime_ns for path in notes.rglob("*.npz")}
     with pytest.raises(ValueError, match="journal must be of the same call"):
         scale.stitch(folder, out, tile=64, bands=3, workers=1)
+    first = min(folder.iterdir())
+    time = first.stat().st_mtime_ns
+    os.utime(first, ns=(time, time + 1))  # another photograph of as many bytes is another call
+    with pytest.raises(ValueError, match="journal must be of the same call"):
+        scale.stitch(folder, out, tile=64, bands=2, workers=1)
+    os.utime(first, ns=(time, time))
     assert {path: path.stat().st_mtime_ns for path in notes.rglob("*.npz")} == changed
     rest = subprocess.run([*words, "0"], check=True, capture_output=True, text=True).stdout
     drawn = [line for line in rest.splitlines() if "Panorama" in line]
