@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from typing import Any
 
@@ -11,6 +12,7 @@ from cvkern._checks import check_dtype, check_image
 from cvkern._files import as_path, replacing
 from cvkern._runtime import runtime
 
+HEAD = 256  # most lines of a head
 PLACE = tuple((name, "<f4", "float") for name in ("x", "y", "z"))
 TINT = tuple((name, "u1", "uchar") for name in ("red", "green", "blue"))
 
@@ -148,6 +150,18 @@ def properties(path: str | os.PathLike[str]) -> tuple[str, ...]:
             return ()  # reading it says why
 
 
+def comments(path: str | os.PathLike[str]) -> list[str]:
+    """Return the comments in the head of a PLY file."""
+    found = []
+    with as_path(path).open("rb") as stream:
+        for line in itertools.islice(stream, HEAD):
+            if line.startswith(b"end_header"):
+                break
+            if line.startswith(b"comment "):
+                found.append(line[8:].decode(errors="replace").strip())
+    return found
+
+
 def _head(stream: Any) -> tuple[str, int, Any]:
     """Return the format, the number of points, and the dtype of a point."""
     words = [stream.readline(256).split() for _ in range(2)]
@@ -156,7 +170,7 @@ def _head(stream: Any) -> tuple[str, int, Any]:
     form = words[1][1].decode()
     order = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
     count, row, element = 0, [], b""
-    for _ in range(256):  # lines
+    for _ in range(HEAD):
         line = stream.readline(4096).split()
         if line[:1] == [b"end_header"]:
             return form, count, np.dtype(row)

@@ -23,8 +23,7 @@ from cvkern.kernels.codes.geometry import (
     Model,
 )
 
-FIRST, MOST = 256, 8192  # hypotheses of the first round, and largest number in a round
-LEAST = 512  # least number of hypotheses in all rounds
+FIRST, MOST = 512, 8192  # hypotheses of the first round, and largest number in a round
 CANDIDATES = 2  # models of a round that are refined
 MOST_SQUARE = 1e36  # squared threshold in the unit of kernels, far from the end of float32
 # Squared thresholds of the least-squares steps, over the square of the caller's threshold. The
@@ -246,7 +245,7 @@ class Explorer:
 def _wanted(share: np.ndarray, size: int, confidence: float) -> np.ndarray:
     """Return the number of samples that rules out, with `confidence`, a much better model."""
     good = np.clip((LARGER * share) ** size, 1e-12, 1 - 1e-12)
-    return np.maximum(SPARE * math.log(1 - confidence) / np.log1p(-good), LEAST)
+    return SPARE * math.log(1 - confidence) / np.log1p(-good)
 
 
 def _significant(

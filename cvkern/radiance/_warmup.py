@@ -64,8 +64,8 @@ def _train_planes() -> None:
 
 def _train_splats() -> None:
     """Train until splats have been relocated."""
-    scene, field = _scene(), SplatField(splats=64)
-    fit(scene, field, steps=501, appearance="affine", progress=False)
+    scene, field = _scene(), SplatField(splats=64, start="random")
+    fit(scene, field, steps=101, appearance="affine", progress=False)
 
 
 def _show_planes() -> None:

@@ -76,12 +76,11 @@ class Trainer:
         used, state = ~scene.test, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
         if self.field.whole:
-            for name, given in (
-                ("masks", scene.masks is not None), ("a spread", spread > 0),
-                ("robust", model.robust), ("transient", model.transient),
-            ):  # fmt: skip
-                if given:
-                    raise ValueError(f"field must not be one of splats with {name}, got both")
+            beside = "robust" if model.robust else "transient" if model.transient else None
+            if scene.masks is not None and beside is not None:
+                raise ValueError(f"{beside} must not go with masks for splats, got both")
+            if spread > 0:
+                raise ValueError(f"spread must be 0 for splats, got {spread:g}")
         self.field.begin(self.views)
         count = self.field.rays
         images = scene.images[used]
@@ -89,7 +88,9 @@ class Trainer:
         chosen = np.array([-1], np.int32)  # all pixels
         if scene.masks is not None:
             chosen = np.flatnonzero(scene.masks[used]).astype(np.int32)
-        self.chosen = owned(rt, chosen)
+        self.chosen, self.masks = owned(rt, chosen), None
+        if scene.masks is not None and self.field.whole:
+            self.masks = owned(rt, scene.masks[used].reshape(-1).astype(np.uint8))
         self.places = rt.zeros((count,), np.int32), rt.zeros((count,), np.int32)
         state.rays = state.rays if state.step else self.field.first_rays
         self.active = owned(rt, np.array([state.rays], np.int32))
@@ -177,6 +178,8 @@ class Trainer:
             )  # fmt: skip
         if self.distractors is not None:
             self.distractors.weigh(self.errors, self.places, self.active, gradients)
+        if self.masks is not None:
+            field.leave_out(self.masks, self.errors, gradients)
         if isinstance(light, Appearance):
             light.backward(self.active, self.gradients.color, self.gradients.opacity)
         field.backward(self.gradients)
@@ -349,6 +352,7 @@ class Trainer:
     def quality(self) -> float:
         """Return the signal-to-noise ratio of the last batch, decibels; NaN without rays."""
         errors = self.rt.to_numpy(self.errors)[: self.kept()]
+        errors = errors[errors >= 0]  # pixels that were left out have negative ones
         return -10 * math.log10(max(float(errors.mean()), 1e-12)) if errors.size else math.nan
 
     def kept(self) -> int:

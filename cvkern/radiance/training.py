@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +30,12 @@ from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import APPEARANCES, Model, Training, built, load_model
+from cvkern.radiance.models import Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
+from cvkern.radiance.wild.options import Wild, check_wild
 
 __all__ = ["fit"]
 
@@ -51,7 +52,7 @@ ON_CPU: dict[str, dict[str, Any]] = {
         "width": 64, "layers": 4, "skip": 2, "frequencies": 6, "samples": 2**14, "cells": 32,
         "steps": 128, "learning_rate": 5e-3,
     },
-    "splats": {"splats": 2**13, "fade": 0.03, "shrink": 0.03},
+    "splats": {"splats": 2**13},
 }  # fmt: skip
 # The defaults of a grid are for the CPU. A GPU is fast enough for a finer one if the memory allows.
 ON_GPU: dict[str, dict[str, Any]] = {
@@ -61,15 +62,6 @@ ON_GPU: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 LAST_GRID = 11 * 10**9  # bytes of the last two grids; a GPU with less omits the last one
-
-
-class Wild(NamedTuple):
-    """The options for photographs of changing light and crowds."""
-
-    appearance: str | None
-    gauge: int | None
-    robust: bool
-    transient: bool
 
 
 def fit(
@@ -110,8 +102,8 @@ def fit(
         show anything. By default 'voxel' on the CPU, where it mostly learns faster, and 'hash' on
         a GPU.
     seconds : float, optional
-        Training time, > 0; 60 by default. The first step, which may compile kernels, evaluation of
-        held-out views, and saving are not counted.
+        Training time, > 0; 60 by default. What planes and splats begin with, the first step, which
+        may compile kernels, evaluation of held-out views, and saving are not counted.
     steps : int, optional
         Number of batches, instead of `seconds`. On the CPU the same steps give the same model, bit
         for bit, with the same number of threads.
@@ -231,18 +223,8 @@ def fit(
         check_choice(field, tuple(KINDS), "field")
     elif field is not None and not isinstance(field, tuple(KINDS.values())):
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
-    check_instance(scene, Scene, "scene")
-    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
-        raise ValueError(
-            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
-            "scene.resized makes smaller ones"
-        )
-    if seconds is not None and steps is not None:
-        raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
-    if steps is not None:
-        steps = check_integer(steps, "steps", 1, 2**31 - 1)
-    else:
-        seconds = check_positive(60.0 if seconds is None else seconds, "seconds")
+    _check_scene(scene)
+    seconds, steps = _check_length(seconds, steps)
     if background is not None:
         check_code(background, Background, "background")
     check_choice(loss, ("squared", "huber"), "loss")
@@ -253,31 +235,18 @@ def fit(
     save_every = check_positive(save_every, "save_every")
     if evaluate_every is not None:
         evaluate_every = check_integer(evaluate_every, "evaluate_every", 1, 2**31 - 1)
-    if not (~scene.test).any():
-        raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
-    if scene.masks is not None and not scene.masks[~scene.test].any():
-        raise ValueError("scene must have pixels to train from, got masks without any")
     if checkpoint is not None:
         checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
-    if appearance is not None:
-        check_choice(appearance, tuple(APPEARANCES), "appearance")
-    elif gauge is not None:
-        raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
-    if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
-        raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
-    robust, transient = check_flag(robust, "robust"), check_flag(transient, "transient")
-    if transient and (robust or loss != "squared"):
-        other = "robust" if robust else f"the loss {loss!r}"
-        raise ValueError(f"transient must not go with {other}, got both")
+    wild = check_wild(scene, loss, Wild(appearance, gauge, robust, transient))
     places = check_devices(devices)
-    if robust and len(places) > 1:
+    if wild.robust and len(places) > 1:
         raise ValueError(f"robust must not go with several devices, got {len(places)}")
-    wild = Wild(appearance, gauge, robust, transient)
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
+
     models: list[Model] = []
     for place in places:
         with use(device=place):
@@ -300,6 +269,29 @@ def fit(
         watch = _watched(callback, write, model)
         trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _check_scene(scene: Scene) -> None:
+    """Check that there is something to train from, which kernels can index."""
+    check_instance(scene, Scene, "scene")
+    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
+        raise ValueError(
+            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
+            "scene.resized makes smaller ones"
+        )
+    if not (~scene.test).any():
+        raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
+    if scene.masks is not None and not scene.masks[~scene.test].any():
+        raise ValueError("scene must have pixels to train from, got masks without any")
+
+
+def _check_length(seconds: float | None, steps: int | None) -> tuple[float | None, int | None]:
+    """Check how long to train; return `seconds` or `steps`, and None for the other."""
+    if seconds is not None and steps is not None:
+        raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
+    if steps is not None:
+        return None, check_integer(steps, "steps", 1, 2**31 - 1)
+    return check_positive(60.0 if seconds is None else seconds, "seconds"), None
 
 
 def _told(text: str) -> None:
@@ -380,7 +372,7 @@ def _begin(
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = built(settings, frame, seed, wild.appearance)
-    made.start(scene)
+    made.start(scene, {"background": background, **wild._asdict()})
     return Model(
         made, settings, background, behind, scene.cameras, seed,
         Training(), {}, wild.appearance, gauge, wild.robust, wild.transient,

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 TILE = 16  # side of a tile, pixels
 FAINT = 1 / 255  # opacity at a pixel below which a splat is not seen there
 MOST = 0.99  # largest opacity at a pixel, so that what is behind keeps a gradient
-SPREAD = 0.3  # added to the variance of a splat on the screen, pixels^2: the width of a pixel
 SHOWN = 12  # numbers of a splat on the screen
 SLOPES = 9  # the first ones of these, which have gradients
 CULLED = 0x7F800000  # the key of a splat that is not seen: the bits of infinity
@@ -43,6 +42,8 @@ class Sight(NamedTuple):
     height: int
     near: float
     """Depth below which splats are not seen."""
+    blur: float
+    """Added to the variance of a splat on the screen, pixels^2."""
 
 
 class Screen(NamedTuple):

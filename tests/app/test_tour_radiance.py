@@ -19,6 +19,7 @@ def quick(monkeypatch):
 
     monkeypatch.setattr(radiance, "fit", steps)
     monkeypatch.setattr(radiance, "FRAMES", 3)
+    monkeypatch.setattr(radiance, "SPLATS", 512)
     monkeypatch.setattr(crowds, "STEPS", 40)
 
 
@@ -30,6 +31,8 @@ def test_chapter(quick):
     assert panels["radiance-truth"].shape == panels["radiance-render"].shape == (300, 300, 3)
     assert panels["radiance-orbit"].shape == (3, 200, 200, 3)
     assert panels["radiance-depth"].shape == (200, 200, 3)
+    assert panels["radiance-splats"].shape == (3, 200, 200, 3)
+    assert panels["radiance-splats"].std(axis=(1, 2)).min() > 20  # there is something to see
     assert panels["radiance-planes"].shape == (3, 250, 371, 3)
     assert panels["radiance-planes"].std(axis=0).mean() > 3  # it moves
     assert panels["crowds-kept"].shape == panels["crowds-taken"].shape == (192, 192, 3)

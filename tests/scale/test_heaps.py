@@ -149,6 +149,11 @@ def test_forms_of_results(tmp_path):
     map_images(folder, cvkern.median, tmp_path, suffix=".png", radius=1)
     np.testing.assert_array_equal(read_image(tmp_path / "0.png"), cvkern.median(image, 1))
     assert map_images(folder, "median", tmp_path, suffix=".png").kept == [str(folder / "0.png")]
+    color = np.stack([image] * 3, axis=2)
+    write_image(folder / "color.png", color)
+    map_images(folder, "median", tmp_path, suffix=".png")  # channels are the last axis
+    want = cvkern.median(color, channel_axis=-1)
+    np.testing.assert_array_equal(read_image(tmp_path / "color.png"), want)
     report = map_images(folder, "gaussian", tmp_path, suffix=".png", overwrite=True, size=3)
     assert "TypeError" in report.failed[str(folder / "0.png")]
 

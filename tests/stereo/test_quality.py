@@ -28,7 +28,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_the_experiment_on_quality(folder, tmp_path, capsys):
+def test_the_experiment_on_quality(folder, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("CVKERN_COMMIT", "abc")  # a tree with changes records no results
     assert stereo_quality.main([str(folder), "--output", str(tmp_path)]) == 0
     result = json.loads((tmp_path / "stereo_quality.json").read_text())
     assert set(result["results"]) == set(stereo_quality.VERSIONS)

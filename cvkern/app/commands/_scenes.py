@@ -48,11 +48,12 @@ def with_settings(field: str | None, settings: list[str]) -> Any:
     if field is not None:
         check_choice(field, tuple(KINDS), "field")
     made, found = suited(field), {}
+    types = {f.name: str(f.type) for f in fields(made)}
     for setting in settings:
         name, _, text = setting.partition("=")
-        check_choice(name, tuple(f.name for f in fields(made)), "set")
+        check_choice(name, tuple(types), "set")
         try:
-            value = json.loads(text)
+            value = text if "str" in types[name] else json.loads(text)
         except ValueError:
             raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
         found[name] = tuple(value) if isinstance(value, list) else value

@@ -38,7 +38,7 @@ class BlendedStacks(Field):
             stack.rendered = _rows(self._parts, k, rays)
         self.eyes = rt.zeros((count, 4))
 
-    def start(self, scene: Scene) -> None:
+    def start(self, scene: Scene, options: Mapping[str, Any]) -> None:
         """See :meth:`Field.start`: a plane sweep of the photographs around each reference."""
         used = np.flatnonzero(~scene.test)
         eyes = self.frame.inside(scene.cameras.poses[used])[:, :, 3].astype(np.float64)
@@ -48,7 +48,8 @@ class BlendedStacks(Field):
                 replace(
                     scene, images=scene.images[chosen], cameras=scene.cameras.select(chosen),
                     test=np.zeros(len(chosen), bool), depths=None, masks=None,
-                )
+                ),
+                options,
             )  # fmt: skip
         self._place()
 

@@ -101,8 +101,10 @@ class Field(abc.ABC):
     """Factor of the losses before :meth:`backward`, so that half precision or fixed point can hold
     their gradients; :meth:`learn` divides by it."""
 
-    def start(self, scene: Scene) -> None:  # noqa: B027  (optional)
+    def start(self, scene: Scene, options: Mapping[str, Any]) -> None:  # noqa: B027  (optional)
         """Begin from the photographs, instead of from anything: called once for a new model.
+
+        `options` are those of :func:`fit` about backgrounds, lights, and what passes.
 
         Raises
         ------
@@ -117,6 +119,13 @@ class Field(abc.ABC):
         """Choose the photograph of a step, and fill `targets` (R, 4) and `places` of its pixels.
 
         Only fields that are `whole` do so.
+        """
+        raise NotImplementedError
+
+    def leave_out(self, masks: Any, errors: Any, gradients: tuple[Any, Any, Any]) -> None:
+        """Clear gradients where the mask (N R,) uint8 of the chosen photograph is 0.
+
+        There, the errors become -1. Only fields that are `whole` do so.
         """
         raise NotImplementedError
 

@@ -151,12 +151,13 @@ class HashNetwork(SampledField):
         if lit:
             self.d_lights = rt.zeros((settings.samples, LIGHT))
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, settings.gradient_clip)
+        self.decay = DECAY if settings.table_decay is None else settings.table_decay
 
     def begin(self, views: CameraSet) -> None:
         """See :meth:`Field.begin`."""
-        pixels = len(views.poses) * views.height * views.width
-        chosen = self.settings.table_decay
-        self.decay = DECAY * min(1.0, DECAY_PIXELS / pixels) if chosen is None else chosen
+        if self.settings.table_decay is None:
+            pixels = len(views.poses) * views.height * views.width
+            self.decay = DECAY * min(1.0, DECAY_PIXELS / pixels)
 
     def view_room(self, rays: int) -> int:
         """See :meth:`SampledField.view_room`; in full precision it shares the layers' memory."""

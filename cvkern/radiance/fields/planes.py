@@ -147,7 +147,7 @@ class PlaneStack(Field):
         self._rate, self._clip = rt.zeros((3,)), Clip(rt, None)
         self._shine_rate, self._exact = rt.zeros((3,)), False
 
-    def start(self, scene: Scene) -> None:
+    def start(self, scene: Scene, options: Mapping[str, Any]) -> None:
         """See :meth:`Field.start`: a plane sweep of the photographs."""
         from cvkern.radiance.multiplane.sweep import first_planes
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._files import as_path
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule, CameraSet, Composited, Rays, Seen
 from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
@@ -18,13 +20,13 @@ from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.march import STOP, taken
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.splats.relocation import relocated
-from cvkern.radiance.splats.starts import at_random, of_file
+from cvkern.radiance.splats.starts import RANDOM, at_points_of, at_random, of_file, of_training
 
 BETAS, EPSILON = (0.9, 0.999), 1e-15
-# Learning rates but that of the means, as published for 3DGS.
-RATES = {"turns": 1e-3, "scales": 5e-3, "opacities": 5e-2, "colors": 2.5e-3, "sides": 1.25e-4}
-WANDER = 1e6  # strength of the random moves, in units of the frame
-PERIOD, FIRST = 100, 500  # steps between relocations, and the step of the first one
+# Learning rates, except that of the means.
+RATES = {"turns": 2e-3, "scales": 1e-2, "opacities": 5e-2, "colors": 5e-3, "sides": 5e-4}
+WANDER = 1e6  # factor of the variance of a splat, times the rate of the means: its random moves
+PERIOD, FIRST = 100, 100  # steps between relocations, and the step of the first one
 LAST = 0.85  # share of the training after which nothing is relocated
 NEAREST = 0.04  # depth below which splats are not seen, at most
 MOST_PIXELS, MOST_ENTRIES = 2**26, 2**30
@@ -52,9 +54,9 @@ class SplatField:
     GPU: no sum depends on an order.
 
     Pictures are made of whole views, and an opacity on a screen is no density, so :func:`mesh`
-    refuses a field of splats; :func:`point_cloud` takes it. :func:`fit` refuses `spread`, `robust`,
-    `transient` and masks for it. Depths are those of the middles of the splats. Within a splat, a
-    lens bends alike.
+    refuses a field of splats; :func:`point_cloud` takes it. For it, :func:`fit` refuses `spread`,
+    and masks together with `robust` or `transient`. Depths are those of the middles of the splats,
+    and a lens bends a splat as it bends its middle.
 
     References
     ----------
@@ -66,31 +68,36 @@ class SplatField:
 
     splats: int = 2**16
     """Number of splats."""
-    start: str | None = None
-    """A ``.ply`` file of points, with or without colours, to begin with, in units of the world: a
-    cloud of COLMAP, for example, or of :func:`point_cloud` of another field, or splats of
-    :func:`write_splats`. By default splats begin at random places."""
+    start: str | os.PathLike[str] | None = None
+    """What to begin with: by default, points of a small :class:`VoxelField`, which is trained first
+    for 200 steps, beyond the time of :func:`fit`. ``"random"`` for random places. Or a path to
+    points in units of the world: a ``.ply`` file of points, with or without colours, or of splats;
+    the folder of a reconstruction, COLMAP's or one of :func:`cvkern.write_reconstruction`; or a
+    model of any field, ``.npz``, whose :func:`point_cloud` is taken."""
     degree: int = 3
     """Degree of the harmonics of the colours, 0 to 3; 0 for colours that are the same from all
     sides."""
+    blur: float = 1 / 12
+    """Variance that a pixel adds to a splat on the screen, in units of the square of a pixel's
+    side: by default that of the pixel itself. Programs of 3DGS add 0.3, which is softer."""
     learning_rate: float = 1.6e-4
     """Learning rate of the places, as a share of the reach of the cameras."""
     final_rate: float = 0.01
     """The same at the end, as a share of that at the beginning."""
-    fade: float = 0.001
+    fade: float = 3e-4
     """Cost of the mean opacity, in units of the mean squared error of a photograph."""
-    shrink: float = 0.001
+    shrink: float = 3e-4
     """Cost of the mean size."""
 
     def __post_init__(self) -> None:
         check_integer(self.splats, "splats", 1, 2**24)
         check_integer(self.degree, "degree", 0, 3)
-        for name in ("learning_rate", "final_rate"):
+        for name in ("blur", "learning_rate", "final_rate"):
             check_positive(getattr(self, name), name)
         for name in ("fade", "shrink"):
             check_number(getattr(self, name), name, low=0.0)
-        if self.start is not None and not isinstance(self.start, str):
-            raise TypeError(f"start must be the path of a .ply file, got {self.start!r}")
+        if self.start is not None:
+            object.__setattr__(self, "start", str(as_path(self.start, "start")))
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> SplatCloud:
         """Return the field itself, without splats yet."""
@@ -120,13 +127,18 @@ class SplatCloud(Field):
             "sides": (count, more) if more else (1, 1)
         }
 
-    def start(self, scene: Scene) -> None:
+    def start(self, scene: Scene, options: Mapping[str, Any]) -> None:
         """See :meth:`Field.start`."""
-        s = self.settings
+        s, given = self.settings, (self.settings.splats, self.settings.degree, self.seed)
+        cloud = None
         if s.start is None:
-            self.become(at_random(self.frame, s.splats, s.degree, self.seed))
+            cloud = of_training(scene, options, s.splats, self.seed)
+        elif s.start != RANDOM:
+            cloud = of_file(os.fspath(s.start))
+        if cloud is None or not len(cloud[0]):
+            self.become(at_random(self.frame, *given))
         else:
-            self.become(of_file(s.start, self.frame, s.splats, s.degree, self.seed))
+            self.become(at_points_of(cloud, self.frame, *given))
 
     def become(self, splats: Splats) -> None:
         """Begin with these splats."""
@@ -185,9 +197,13 @@ class SplatCloud(Field):
             images, self.leap, seed, step, self.view, targets, *places
         )
 
+    def leave_out(self, masks: Any, errors: Any, gradients: tuple[Any, Any, Any]) -> None:
+        """See :meth:`Field.leave_out`."""
+        self.rt.radiance.fields.splats.batches.leave_out(masks, self.view, errors, *gradients)
+
     def _sight(self) -> Sight:
         v = self.views
-        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near)
+        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near, self.settings.blur)
 
     def _sort(self) -> None:
         kernels = self.rt.radiance.fields.splats
@@ -288,7 +304,9 @@ class SplatCloud(Field):
         width, height = cameras.width, cameras.height
         columns, tiles = _tiles(width, height)
         view = rt.constant(np.zeros(1, np.int32))
-        sight = Sight(cameras.poses, cameras.lenses, view, width, height, self.near)
+        sight = Sight(
+            cameras.poses, cameras.lenses, view, width, height, self.near, self.settings.blur
+        )
         screen = Screen(
             room("shown", (number, SHOWN), np.float32), room("boxes", (number, 4)),
             room("depths", (number,)),

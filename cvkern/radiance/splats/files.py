@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_instance
+from cvkern._checks import check_instance, check_positive
 from cvkern._files import as_path, replacing
 from cvkern._runtime import runtime
-from cvkern.clouds.ply import read_vertices
+from cvkern.clouds.ply import comments, read_vertices
 from cvkern.kernels.codes.splats import Splats
 from cvkern.radiance.fields.field import FARTHEST, Frame
 from cvkern.radiance.fields.splats import SplatCloud, SplatField
@@ -24,6 +24,7 @@ __all__ = ["load_splats", "write_splats"]
 PLACE, NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 SIZES, TURN = tuple(f"scale_{k}" for k in range(3)), tuple(f"rot_{k}" for k in range(4))
 MOST = 2**24  # splats of a file
+BLUR, THEIRS = "blur", 0.3  # the comment of a file about its `SplatField.blur`; that of others
 TAIL = 2.0  # percent of the splats on either side that do not decide on the bounds
 NEAR = 0.2  # depth below which other programs do not show splats, in units of the file
 SIDE, FOCAL = 512, 600.0  # pixels of the view of a file without cameras
@@ -53,13 +54,15 @@ def write_splats(path: str | os.PathLike[str], model: Model) -> None:
     A splat has ``x y z``, normals of 0, coefficients of harmonics ``f_dc_`` and, channel by
     channel, ``f_rest_``, ``opacity`` before the logistic function, ``scale_``, the logarithms of
     standard deviations, and the quaternion ``rot_``, w first: float32 in units of the world. The
-    light of photographs and the background are not in the file.
+    light of photographs and the background are not in the file. A comment has
+    :attr:`SplatField.blur`, for :func:`load_splats`; other programs add a larger blur of their own.
 
     Examples
     --------
     >>> from cvkern.radiance import SplatField, fit, load_splats, make_scene, write_splats
     >>> scene = make_scene(train=3, test=1, size=16)
-    >>> write_splats("splats.ply", fit(scene, SplatField(splats=64), steps=2))
+    >>> field = SplatField(splats=64, start="random")
+    >>> write_splats("splats.ply", fit(scene, field, steps=2))
     >>> load_splats("splats.ply", scene.cameras).settings.splats
     64
     """
@@ -83,7 +86,8 @@ def write_splats(path: str | os.PathLike[str], model: Model) -> None:
         ),
         axis=1,
     )  # fmt: skip
-    head = ["ply", "format binary_little_endian 1.0", f"element vertex {count}"]
+    head = ["ply", "format binary_little_endian 1.0", f"comment {BLUR} {model.settings.blur!r}"]
+    head.append(f"element vertex {count}")
     head += [f"property float {name}" for name in names]
     with replacing(path) as beside, beside.open("wb") as file:
         file.write("\n".join([*head, "end_header", ""]).encode("ascii"))
@@ -102,7 +106,8 @@ def load_splats(path: str | os.PathLike[str], cameras: Cameras | None = None) ->
     Returns
     -------
     Model
-        The model, ready to render, on a black background.
+        The model, ready to render, on a black background. Its `blur` is 0.3, as in 3DGS, unless
+        the file is one of :func:`write_splats`.
 
     Raises
     ------
@@ -118,7 +123,8 @@ def load_splats(path: str | os.PathLike[str], cameras: Cameras | None = None) ->
     --------
     >>> from cvkern.radiance import SplatField, fit, load_splats, make_scene, render, write_splats
     >>> scene = make_scene(train=3, test=1, size=16)
-    >>> write_splats("splats.ply", fit(scene, SplatField(splats=64), steps=2))
+    >>> field = SplatField(splats=64, start="random")
+    >>> write_splats("splats.ply", fit(scene, field, steps=2))
     >>> render(load_splats("splats.ply"), scene.cameras).color.shape
     (16, 16, 3)
     """
@@ -164,7 +170,7 @@ def load_splats(path: str | os.PathLike[str], cameras: Cameras | None = None) ->
     )
     values["means"] = ((values["means"] - np.array((x, y, z))) / half).astype(np.float32)
     values["scales"] = values["scales"] - np.float32(np.log(half))
-    settings = SplatField(count, degree=degrees[found])
+    settings = SplatField(count, degree=degrees[found], blur=_blur(path))
     field = settings.build(runtime(), frame, 0)
     field.become(Splats(**values))
     training = Training(resumable=False)
@@ -174,6 +180,15 @@ def load_splats(path: str | os.PathLike[str], cameras: Cameras | None = None) ->
 def _rest(count: int) -> list[str]:
     """Return the names of the coefficients of harmonics that are not constant."""
     return [f"f_rest_{k}" for k in range(count)]
+
+
+def _blur(path: str | os.PathLike[str]) -> float:
+    """Return what a pixel adds to variances."""
+    found = [words[1:] for words in map(str.split, comments(path)) if words[:1] == [BLUR]]
+    try:
+        return check_positive(float(found[0][0]), BLUR) if found else THEIRS
+    except (ValueError, IndexError):
+        raise ValueError(f"path must have a blur > 0 in its comment, got {found[0]}") from None
 
 
 def _before(middle: tuple[float, float, float], half: float) -> Cameras:

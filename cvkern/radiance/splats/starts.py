@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 
+from cvkern._files import as_path
 from cvkern.clouds.ply import properties, read_ply, read_vertices
 from cvkern.kernels.codes.splats import Splats
 from cvkern.radiance.fields.field import Frame
+from cvkern.radiance.fields.voxel import VoxelField
+from cvkern.radiance.scenes.photographs import Scene
 
+RANDOM = "random"
+CELLS, SHARES, STEPS = (32, 64), (0.3,), 200  # the field that shows where splats begin
+VIEWS, PIXELS = 24, 4  # its views, about, and their pixels together for each splat
 OPACITY = 0.1  # opacity of each splat
 FARTHEST = 20.0  # half sides of the cube, of splats in a scene without bounds
 INSIDE = 0.7  # their share that is in the cube
 CONSTANT = 0.28209479177387814  # the first harmonic
 NEIGHBOURS = 3
 TINTS = "f_dc_0", "f_dc_1", "f_dc_2"  # properties of the constant colour of a splat in a file
+
+Cloud = tuple[np.ndarray, np.ndarray | None]  # points (N, 3), and their colours in [0, 1], if any
 
 
 def at_random(frame: Frame, count: int, degree: int, seed: int) -> Splats:
@@ -29,46 +43,91 @@ def at_random(frame: Frame, count: int, degree: int, seed: int) -> Splats:
     return at_points(points, np.full((count, 3), 0.5), degree)
 
 
-def of_points(
-    points: np.ndarray, colors: np.ndarray | None, count: int, degree: int, seed: int
-) -> Splats:
-    """Return splats at points of the frame, each used as often as others, (N, ...) float32.
+def at_points_of(cloud: Cloud, frame: Frame, count: int, degree: int, seed: int) -> Splats:
+    """Return splats at points of the world, each used as often as others, (N, ...) float32.
 
     Points that are used again are moved by about as much as points are apart.
     """
+    points = (cloud[0].astype(np.float64) - np.array(frame.bounds.center)) / frame.bounds.half
+    tints = np.full((len(points), 3), 0.5) if cloud[1] is None else cloud[1]
     rng = np.random.default_rng(seed)
     chosen = np.resize(rng.permutation(len(points)), count)
-    tints = np.full((len(points), 3), 0.5) if colors is None else colors
-    places = points[chosen].astype(np.float64)
-    again = np.arange(count) >= len(points)
-    apart = spacing(points)[chosen][:, None]
-    places[again] += (apart * rng.normal(0, 0.5, (count, 3)))[again]
+    places = points[chosen]
+    if count > len(points):
+        apart = spacing(points)[chosen, None]
+        moves = apart * rng.normal(0, 0.5, (count, 3))
+        places[len(points) :] += moves[len(points) :]
     return at_points(places, tints[chosen], degree)
 
 
-def of_file(path: str, frame: Frame, count: int, degree: int, seed: int) -> Splats:
-    """Return splats at the points of a PLY file, (N, ...) float32; of splats, at those seen.
+def of_training(scene: Scene, options: Mapping[str, Any], count: int, seed: int) -> Cloud:
+    """Return points that a small field of voxels shows after a short training; maybe none.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If that training is interrupted.
+    """
+    from cvkern.radiance.surfaces import point_cloud
+    from cvkern.radiance.training import fit
+
+    used = np.flatnonzero(~scene.test)
+    own = replace(
+        scene, images=scene.images[used], cameras=scene.cameras.select(used),
+        test=np.zeros(len(used), bool), depths=None,
+        masks=None if scene.masks is None else scene.masks[used],
+    )  # fmt: skip
+    if options["gauge"] is not None:
+        options = {**options, "gauge": int(np.searchsorted(used, options["gauge"]))}
+    model = fit(
+        own, VoxelField(resolutions=CELLS, shares=SHARES), steps=STEPS, seed=seed,
+        deterministic=True, progress=False, **options,
+    )  # fmt: skip
+    if model.training.stopped:
+        raise KeyboardInterrupt
+    views = range(0, len(model.cameras), max(1, len(model.cameras) // VIEWS))
+    pixels = len(views) * model.cameras.width * model.cameras.height
+    seen = model.cameras.scaled(min(1.0, math.sqrt(PIXELS * count / pixels)))
+    cloud = point_cloud(model, seen, views=views)
+    return cloud.points, cloud.colors / 255
+
+
+def of_file(path: str) -> Cloud:
+    """Return the points of a file; see :attr:`SplatField.start`.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If it is no PLY file with finite points.
+        If it has no points, or one that is not finite.
     """
-    points, colors = read_ply(path)
-    if not len(points) or not np.isfinite(points).all():
+    cloud = _points_of(as_path(path))
+    if not len(cloud[0]) or not np.isfinite(cloud[0]).all():
         raise ValueError(f"start must have points, all finite, got {path!r}")
-    places = (points.astype(np.float64) - np.array(frame.bounds.center)) / frame.bounds.half
-    if colors is None and {*TINTS, "opacity"} <= set(properties(path)):  # splats
-        table = read_vertices(path)
-        solid = table["opacity"] > np.log(OPACITY / (1 - OPACITY))
-        solid |= not solid.any()
-        tints = 0.5 + CONSTANT * np.stack([table[name] for name in TINTS], axis=1)
-        places, tints = places[solid], tints[solid]
-    else:
-        tints = None if colors is None else colors / 255
-    return of_points(places, tints, count, degree, seed)
+    return cloud
+
+
+def _points_of(file: Path) -> Cloud:
+    if file.is_dir():
+        from cvkern.reconstruction import read_reconstruction
+
+        made = read_reconstruction(file)
+        return made.points, made.colors / 255
+    if file.suffix.lower() == ".npz":
+        from cvkern.radiance.models import load_model
+        from cvkern.radiance.surfaces import point_cloud
+
+        cloud = point_cloud(load_model(file))
+        return cloud.points, cloud.colors / 255
+    points, colors = read_ply(file)
+    if colors is not None or not {*TINTS, "opacity"} <= set(properties(file)):
+        return points, None if colors is None else colors / 255
+    table = read_vertices(file)
+    solid = table["opacity"] > np.log(OPACITY / (1 - OPACITY))
+    solid |= not solid.any()
+    tints = 0.5 + CONSTANT * np.stack([table[name] for name in TINTS], axis=1)
+    return points[solid], tints[solid]
 
 
 def at_points(points: np.ndarray, colors: np.ndarray, degree: int) -> Splats:

@@ -85,7 +85,7 @@ def splatted(degree: Any, steps: Any, **options: Any) -> float:
     """Train splats for a few steps, write them, and read them; return their number."""
     if not isinstance(steps, int) or steps > MOST_STEPS:
         raise ValueError("steps")
-    field = radiance.SplatField(splats=30, degree=degree)
+    field = radiance.SplatField(splats=30, degree=degree, start="random")
     made = radiance.fit(scene(), field, steps=steps, progress=False, **options)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "splats.ply"
@@ -106,7 +106,7 @@ def splats_of(content: Any) -> Any:
 @lru_cache(1)
 def splat_file() -> bytes:
     """Return the file of a few splats."""
-    field = radiance.SplatField(splats=9, degree=1)
+    field = radiance.SplatField(splats=9, degree=1, start="random")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "splats.ply"
         radiance.write_splats(path, radiance.fit(scene(), field, steps=1, progress=False))

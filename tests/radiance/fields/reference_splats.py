@@ -2,7 +2,7 @@
 
 import numpy as np
 
-NEAR, STOP = 0.05, 1e-4
+NEAR, BLUR, STOP = 0.05, 0.3, 1e-4
 
 
 def harmonics(d):
@@ -67,7 +67,7 @@ def project(splats, pose, lens, width, height, slopes=None):
         jacobian = np.diag(focal) @ d @ np.column_stack((np.eye(2), -s)) / p[2]
         turned = rotation(turn / np.linalg.norm(turn))
         around = turned @ np.diag(np.exp(2 * scale)) @ turned.T
-        flat = jacobian @ pose[:, :3].T @ around @ pose[:, :3] @ jacobian.T + 0.3 * np.eye(2)
+        flat = jacobian @ pose[:, :3].T @ around @ pose[:, :3] @ jacobian.T + BLUR * np.eye(2)
         distance = np.linalg.norm(arm)
         coefficients = np.concatenate((color, side[: len(side) // 3 * 3])).reshape(-1, 3)
         shown = 0.5 + harmonics(arm / distance)[: len(coefficients)] @ coefficients

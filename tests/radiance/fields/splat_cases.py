@@ -63,7 +63,7 @@ class Run:
         self.splats = Splats(*map(self.own, case.splats))
         view = rt.zeros((1,), np.int32)
         poses, lenses = self.own(case.pose[None]), self.own(case.lens[None])
-        self.sight = Sight(poses, lenses, view, w, h, reference.NEAR)
+        self.sight = Sight(poses, lenses, view, w, h, reference.NEAR, reference.BLUR)
         self.screen = Screen(
             rt.zeros((count, SHOWN)), rt.zeros((count, 4), np.int32), rt.zeros((count,), np.int32)
         )

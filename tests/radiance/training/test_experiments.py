@@ -26,6 +26,7 @@ def tiny(monkeypatch):
     monkeypatch.setattr(radiance_steps, "STEPS_TIMED", 3)
     monkeypatch.setattr(radiance_steps.clock, "COPY_BYTES", 2**20)
     monkeypatch.delenv("CVKERN_DATA", raising=False)
+    monkeypatch.setenv("CVKERN_COMMIT", "abc")  # a tree with changes records no results
 
 
 def test_quality(tmp_path, capsys):

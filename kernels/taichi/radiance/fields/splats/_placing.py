@@ -4,7 +4,7 @@ from typing import Any
 
 import taichi as ti
 
-from cvkern.kernels.codes.splats import FAINT, SPREAD
+from cvkern.kernels.codes.splats import FAINT
 
 vec3 = ti.types.vector(3, ti.f32)
 vec4 = ti.types.vector(4, ti.f32)
@@ -12,8 +12,8 @@ mat3 = ti.types.matrix(3, 3, ti.f32)
 
 BESIDE = 0.3  # room beside the image, half widths, where slopes of the map go on
 
-Extent = ti.types.struct(width=ti.i32, height=ti.i32, near=ti.f32)
-"""The size of the picture, and the depth below which splats are not seen."""
+Extent = ti.types.struct(width=ti.i32, height=ti.i32, near=ti.f32, blur=ti.f32)
+"""The numbers of `Sight`."""
 
 # A splat before a camera: the direction (x, y) before the lens bends it; its column and row, and
 # their slopes `d` by x, then y; the slopes of both by the frame's coordinates, `across` and
@@ -134,9 +134,9 @@ def placed(
             column = vec3(p.turn[0, m], p.turn[1, m], p.turn[2, m])
             p.u[m] = dot(p.across, column) * p.size[m]
             p.v[m] = dot(p.along, column) * p.size[m]
-        p.a = dot(p.u, p.u) + SPREAD
+        p.a = dot(p.u, p.u) + extent.blur
         p.b = dot(p.u, p.v)
-        p.c = dot(p.v, p.v) + SPREAD
+        p.c = dot(p.v, p.v) + extent.blur
         determinant = p.a * p.c - p.b * p.b
         p.seen = ti.cast(unfolded and 0.0 < determinant < ti.math.inf, ti.i32)
     return p

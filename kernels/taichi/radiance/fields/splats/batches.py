@@ -5,8 +5,10 @@ import taichi as ti
 
 from cvkern.kernels.taichi._launch import primitive
 
+u8_1 = ti.types.ndarray(dtype=ti.u8, ndim=1)
 u8_2 = ti.types.ndarray(dtype=ti.u8, ndim=2)
 f32_2 = ti.types.ndarray(dtype=ti.f32, ndim=2)
+f32_1 = ti.types.ndarray(dtype=ti.f32, ndim=1)
 i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
@@ -55,3 +57,38 @@ def photograph(
     (1,) and `views` (R,) are the photograph, and `pixels` (R,) count its pixels.
     """
     _photograph(images, leap, seed, step, view, targets, views, pixels)
+
+
+@ti.kernel
+def _leave_out(
+    masks: u8_1,  # (N R,)
+    view: i32_1,  # (1,)
+    # outputs
+    errors: f32_1,  # (R,)
+    d_color: f32_2,  # (R, 3)
+    d_opacity: f32_1,  # (R,)
+    d_learnt: f32_2,  # (R, 3)
+):
+    for ray in range(errors.shape[0]):
+        if masks[view[0] * errors.shape[0] + ray] == 0:
+            errors[ray] = -1.0
+            d_opacity[ray] = 0.0
+            for k in ti.static(range(3)):
+                d_color[ray, k] = 0.0
+                d_learnt[ray, k] = 0.0
+
+
+@primitive
+def leave_out(
+    masks: np.ndarray,
+    view: np.ndarray,
+    errors: np.ndarray,
+    d_color: np.ndarray,
+    d_opacity: np.ndarray,
+    d_learnt: np.ndarray,
+) -> None:
+    """Clear the gradients of R pixels where the mask of a photograph is 0; errors become -1 there.
+
+    `masks` (N R,) uint8 are those of all photographs, and `view` (1,) is the number of this one.
+    """
+    _leave_out(masks, view, errors, d_color, d_opacity, d_learnt)

@@ -4,11 +4,11 @@ A splat of mean m, standard deviations s along axes turned by R, has the covaria
 Sigma = R diag(s)^2 R^T. With the camera's axes as the rows of W and (x, y) = (X, Y) / Z for
 (X, Y, Z) = W (m - o), the lens shows it at (column, row) = f bend(x, y) + c, and
 
-    J = diag(f) D (1 / Z) [1 0 -x; 0 1 -y] W,  Sigma' = J Sigma J^T + 0.3 I,
+    J = diag(f) D (1 / Z) [1 0 -x; 0 1 -y] W,  Sigma' = J Sigma J^T + blur I,
 
 with the slopes D of the bend: EWA splatting [Zwicker et al. 2001] as in 3DGS [Kerbl et al. 2023].
 In J, x and y are moved to at most 0.15 of the picture's width or height beside it. With
-[u; v] = J R diag(s), Sigma' = [<u, u> <u, v>; <u, v> <v, v>] + 0.3 I. The opacity falls off as
+[u; v] = J R diag(s), Sigma' = [<u, u> <u, v>; <u, v> <v, v>] + blur I. The opacity falls off as
 o exp(-d^T Q d / 2), Q = Sigma'^-1, so it is above 1 / 255 within the ellipse d^T Q d < 2 ln 255 o,
 whose box reaches sqrt(2 ln(255 o) Sigma'_xx) to the sides. The colour is 1/2 + sum_k h_k c_k with
 the harmonics h of the direction from the camera, and at least 0.
@@ -121,7 +121,7 @@ def project(splats: codes.Splats, sight: codes.Sight, screen: codes.Screen) -> N
 
 
 def _extent(sight: codes.Sight) -> Any:
-    return Extent(width=sight.width, height=sight.height, near=sight.near)
+    return Extent(width=sight.width, height=sight.height, near=sight.near, blur=sight.blur)
 
 
 @ti.func

@@ -11,7 +11,7 @@ from ._structs import Sight, Splats
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-SPREAD, FAINT = wp.constant(codes.SPREAD), wp.constant(codes.FAINT)
+FAINT = wp.constant(codes.FAINT)
 BESIDE = wp.constant(0.3)  # room beside the image, half widths, where slopes of the map go on
 LOG2_E = wp.constant(1.4426950408889634)
 
@@ -166,9 +166,9 @@ def placed(splats: Splats, sight: Sight, n: int) -> Placed:
             column = wp.vec3(p.turn[0, m], p.turn[1, m], p.turn[2, m])
             p.u[m] = dot(p.across, column) * p.size[m]
             p.v[m] = dot(p.along, column) * p.size[m]
-        p.a = dot(p.u, p.u) + SPREAD
+        p.a = dot(p.u, p.u) + sight.blur
         p.b = dot(p.u, p.v)
-        p.c = dot(p.v, p.v) + SPREAD
+        p.c = dot(p.v, p.v) + sight.blur
         determinant = p.a * p.c - p.b * p.b
         p.seen = p.seen and determinant > 0.0 and wp.isfinite(determinant)
     return p

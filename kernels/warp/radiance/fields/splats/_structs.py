@@ -25,6 +25,7 @@ class Sight:
     width: int
     height: int
     near: float
+    blur: float
 
 
 @wp.struct

@@ -62,3 +62,44 @@ def photograph(
         [images, leap, seed, step],
         [view, targets, views, pixels],
     )
+
+
+@wp.kernel
+def leave_out_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    masks: wp.array[wp.uint8],  # (N R,)
+    view: wp.array[int],  # (1,)
+    # outputs
+    errors: wp.array[float],  # (R,)
+    d_color: wp.array2d[float],  # (R, 3)
+    d_opacity: wp.array[float],  # (R,)
+    d_learnt: wp.array2d[float],  # (R, 3)
+):
+    """Clear the gradients of a pixel that does not count."""
+    for ray in range(first + wp.tid(), last, stride):
+        if int(masks[view[0] * errors.shape[0] + ray]) == 0:
+            errors[ray] = -1.0
+            d_opacity[ray] = 0.0
+            for k in range(3):
+                d_color[ray, k] = 0.0
+                d_learnt[ray, k] = 0.0
+
+
+def leave_out(
+    masks: wp.array,
+    view: wp.array,
+    errors: wp.array,
+    d_color: wp.array,
+    d_opacity: wp.array,
+    d_learnt: wp.array,
+) -> None:
+    """Clear the gradients of R pixels where the mask of a photograph is 0; errors become -1 there.
+
+    `masks` (N R,) uint8 are those of all photographs, and `view` (1,) is the number of this one.
+    """
+    count = errors.shape[0]
+    launch_each(
+        leave_out_kernel, count, 4 * count, [masks, view], [errors, d_color, d_opacity, d_learnt]
+    )
