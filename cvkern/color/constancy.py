@@ -20,6 +20,7 @@ from cvkern.kernels.codes.filters import Border
 MOST = 2**18  # pixels that estimates are made of; larger images are averaged by blocks
 GREY_SHARE, EXTREME_SHARE, WHITE_RANK = 0.01, 0.035, 99.0
 MOST_COLOUR = 1e12  # ratio of the largest part of a light to the least one
+FLAT = 1e-6  # mean length of derivatives below which they are roundings, as a share of white
 SQUARE = frozen_taps(np.full(7, 1 / 7))
 CONTRAST = 1e-4  # least local contrast of a grey pixel, as a share of the largest value
 
@@ -51,7 +52,8 @@ def estimate_illuminant(
         Value of no light, which is taken off.
     white : float, optional
         Value at which a channel is saturated; the largest of the image when omitted. Pixels above
-        98 % of it do not count, nor do their neighbours where derivatives are taken.
+        98 % of it do not count, nor do their neighbours where derivatives are taken. When omitted
+        and all pixels are that bright, as in an image of one colour, all count.
 
     Returns
     -------
@@ -112,6 +114,8 @@ def estimate_illuminant(
     if most <= 0:
         return np.ones(3)
     scene = _gathered(rt, pixels, mask, black, 1 / most)
+    if white is None and not scene.valid.any():
+        scene = _gathered(rt, pixels, mask, black, 0.5 / most)
     if not scene.valid.any():
         return np.ones(3)
     light = METHODS[method](scene)
@@ -268,7 +272,7 @@ def _edges(order: int, p: float) -> Callable[[Scene], np.ndarray]:
         rt.color.constancy.lengths(parts[0], parts[1], parts[-1], factor, found)
         lengths = rt.to_numpy(found).reshape(*scene.shape, 3)[scene.inner]
         means = np.mean(lengths.T.astype(np.float64) ** p, axis=1) ** (1 / p)
-        return _unit(means) if means.any() else _power(1)(scene)
+        return _unit(means) if means.max() > FLAT else _power(1)(scene)
 
     return estimate
 

@@ -23,17 +23,27 @@ TO_XYZ = PRIMARIES * np.linalg.solve(PRIMARIES, WHITE)
 
 
 def convert_color(
-    image: Any, source: str, target: str, *, white: Any = None, dtype: Any = "float32"
+    image: Any,
+    source: str,
+    target: str,
+    *,
+    adapt: Any = None,
+    white: Any = None,
+    dtype: Any = "float32",
 ) -> Any:
     """Convert colours from one space to another.
 
     Parameters
     ----------
     image : array of shape (..., 3)
-        Colours: a point, a list or an image. sRGB in 0 to 1, or uint8 in 0 to 255.
+        Colours: a point, a list or an image. sRGB in 0 to 1, uint8 in 0 to 255, or uint16 in 0 to
+        65535.
     source, target : {'srgb', 'rgb', 'xyz', 'lms', 'lab', 'lch'}
         The spaces: sRGB, its linear values, CIE XYZ with Y = 1 for white, responses of cones (Hunt,
         Pointer and Estevez, for equal energy), CIE L*a*b*, and L*, chroma and hue in degrees.
+    adapt : pair of str or (X, Y, Z), optional
+        Two lights or white points: colours under the first become those that look the same under
+        the second, as of `adapt_colors`.
     white : str or (X, Y, Z), optional
         White of L*a*b*: a light of `standard_light`, or a white point; that of sRGB when omitted.
     dtype : {'float32', 'uint8'}, default 'float32'
@@ -49,8 +59,8 @@ def convert_color(
     TypeError
         If `image` does not hold real numbers.
     ValueError
-        If the last axis is not 3 long, a space is unknown, the white is not three positive numbers,
-        or uint8 is asked for another space than sRGB.
+        If the last axis is not 3 long, a space is unknown, `adapt` is not a pair, a white is not
+        three positive numbers, or uint8 is asked for another space than sRGB.
 
     Notes
     -----
@@ -72,7 +82,15 @@ def convert_color(
     check_choice(source, SPACES, "source")
     check_choice(target, SPACES, "target")
     reference = WHITE if white is None else white_point(white, "white")
-    matrix = np.linalg.solve(_to_xyz(target, reference), _to_xyz(source, reference))
+    middle = _to_xyz(source, reference)
+    if adapt is not None:
+        from cvkern.color.adaptation import adaptation_matrix
+
+        if not isinstance(adapt, (tuple, list)) or len(adapt) != 2:
+            raise ValueError(f"adapt must be a pair of lights, got {adapt!r}")
+        before, after = (white_point(light, "adapt") for light in adapt)
+        middle = adaptation_matrix(before, after) @ middle
+    matrix = np.linalg.solve(_to_xyz(target, reference), middle)
     return apply_matrix(image, matrix, source, target, dtype)
 
 
@@ -93,11 +111,11 @@ def apply_matrix(
         raise ValueError(f"dtype must be float32 for {target!r}, got uint8")
     rt = runtime(image)
     given = library(image).dtype(image)
-    bytes_in = source == "srgb" and given == np.uint8
+    white = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}.get(given, 1)
     shape = tuple(image.shape)
     flat = (int(np.prod(shape[:-1])), 3)
-    scale = np.float32(1 / 255) if bytes_in else np.float32(1)
-    # On identity curves the scale of bytes could join the matrix; sRGB's curve needs it before.
+    # On identity curves the scale could join the matrix; sRGB's curve needs it before.
+    scale = np.float32(1 / white if source == "srgb" else 1)
     numbers = np.append(matrix.astype(np.float32).ravel(), scale)
     result = rt.empty(shape, dtype)
     source_form = int(FORMS.get(source, Form.LINEAR))

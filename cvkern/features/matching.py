@@ -49,7 +49,7 @@ def match_descriptors(
     Raises
     ------
     TypeError
-        If the descriptors are not uint8.
+        If the descriptors are not uint8, or are Features, which have them as a field.
     ValueError
         If the shapes do not agree, `max_ratio` is not in (0, 1], or `metric` is unknown.
 
@@ -69,6 +69,9 @@ def match_descriptors(
            [1, 0]], dtype=int32)
     """
     cross_check = check_flag(cross_check, "cross_check")
+    for given, name in ((a, "a"), (b, "b")):
+        if hasattr(given, "descriptors"):
+            raise TypeError(f"{name} must be descriptors, got Features: take its descriptors")
     rt, arrays = _check([a, b], max_ratio, metric, ("a", "b"))
     pairs = np.array([[0, 1]])
     return _matches(rt, arrays, pairs, max_ratio, cross_check, metric)[0]

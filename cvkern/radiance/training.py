@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -30,11 +30,12 @@ from cvkern.radiance.fields.perceptron import MLPField
 from cvkern.radiance.fields.planes import PlanesField
 from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
-from cvkern.radiance.models import APPEARANCES, Model, Training, built, load_model
+from cvkern.radiance.models import Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
+from cvkern.radiance.wild.options import Wild, check_wild
 
 __all__ = ["fit"]
 
@@ -61,15 +62,6 @@ ON_GPU: dict[str, dict[str, Any]] = {
     },
 }  # fmt: skip
 LAST_GRID = 11 * 10**9  # bytes of the last two grids; a GPU with less omits the last one
-
-
-class Wild(NamedTuple):
-    """The options for photographs of changing light and crowds."""
-
-    appearance: str | None
-    gauge: int | None
-    robust: bool
-    transient: bool
 
 
 def fit(
@@ -231,18 +223,8 @@ def fit(
         check_choice(field, tuple(KINDS), "field")
     elif field is not None and not isinstance(field, tuple(KINDS.values())):
         raise TypeError(f"field must be settings such as HashField(), or a name, got {field!r}")
-    check_instance(scene, Scene, "scene")
-    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
-        raise ValueError(
-            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
-            "scene.resized makes smaller ones"
-        )
-    if seconds is not None and steps is not None:
-        raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
-    if steps is not None:
-        steps = check_integer(steps, "steps", 1, 2**31 - 1)
-    else:
-        seconds = check_positive(60.0 if seconds is None else seconds, "seconds")
+    _check_scene(scene)
+    seconds, steps = _check_length(seconds, steps)
     if background is not None:
         check_code(background, Background, "background")
     check_choice(loss, ("squared", "huber"), "loss")
@@ -253,31 +235,18 @@ def fit(
     save_every = check_positive(save_every, "save_every")
     if evaluate_every is not None:
         evaluate_every = check_integer(evaluate_every, "evaluate_every", 1, 2**31 - 1)
-    if not (~scene.test).any():
-        raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
-    if scene.masks is not None and not scene.masks[~scene.test].any():
-        raise ValueError("scene must have pixels to train from, got masks without any")
     if checkpoint is not None:
         checkpoints.check_path(checkpoint)
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
-    if appearance is not None:
-        check_choice(appearance, tuple(APPEARANCES), "appearance")
-    elif gauge is not None:
-        raise ValueError(f"gauge must go with an appearance, got {gauge} alone")
-    if gauge is not None and scene.test[check_integer(gauge, "gauge", 0, len(scene) - 1)]:
-        raise ValueError(f"gauge must be a photograph that is trained on, got {gauge}, held out")
-    robust, transient = check_flag(robust, "robust"), check_flag(transient, "transient")
-    if transient and (robust or loss != "squared"):
-        other = "robust" if robust else f"the loss {loss!r}"
-        raise ValueError(f"transient must not go with {other}, got both")
+    wild = check_wild(scene, loss, Wild(appearance, gauge, robust, transient))
     places = check_devices(devices)
-    if robust and len(places) > 1:
+    if wild.robust and len(places) > 1:
         raise ValueError(f"robust must not go with several devices, got {len(places)}")
-    wild = Wild(appearance, gauge, robust, transient)
     if callback is not None and not callable(callback):
         raise TypeError(f"callback must be a function, got {type(callback).__name__}")
     to = None if log is None else logs.check_log(log)
+
     models: list[Model] = []
     for place in places:
         with use(device=place):
@@ -300,6 +269,29 @@ def fit(
         watch = _watched(callback, write, model)
         trainer.train(seconds, steps, stop, say, checkpoint, save_every, evaluate_every, watch)
     return model
+
+
+def _check_scene(scene: Scene) -> None:
+    """Check that there is something to train from, which kernels can index."""
+    check_instance(scene, Scene, "scene")
+    if scene.images.size >= 2**31:  # kernels index bytes with 32 bits
+        raise ValueError(
+            f"scene must have images of less than 2 GiB in all, got shape {scene.images.shape}: "
+            "scene.resized makes smaller ones"
+        )
+    if not (~scene.test).any():
+        raise ValueError(f"scene must have views to train from, got {len(scene)} held out")
+    if scene.masks is not None and not scene.masks[~scene.test].any():
+        raise ValueError("scene must have pixels to train from, got masks without any")
+
+
+def _check_length(seconds: float | None, steps: int | None) -> tuple[float | None, int | None]:
+    """Check how long to train; return `seconds` or `steps`, and None for the other."""
+    if seconds is not None and steps is not None:
+        raise ValueError(f"seconds must not be given with steps, got {seconds} and {steps}")
+    if steps is not None:
+        return None, check_integer(steps, "steps", 1, 2**31 - 1)
+    return check_positive(60.0 if seconds is None else seconds, "seconds"), None
 
 
 def _told(text: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,8 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     TypeError
         If `images` are not uint8, or `seconds` not numbers.
     ValueError
-        If there are fewer than two images, shapes differ, or times are not as above.
+        If there are fewer than two images, shapes differ, times are not as above, or longer
+        exposures are darker, as with times in another order than the images.
 
     See Also
     --------
@@ -62,6 +64,7 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     makes after the one before, the last one also by how well a pixel's values agree. The curve is
     made on the host. Robertson's turns begin with a line and converge slowly: after 40 of them, the
     curve of a gamma is still off by a tenth of a stop, where least squares is off by a hundredth.
+    Images that are black or white throughout tell nothing: their curve is 0.
 
     References
     ----------
@@ -91,6 +94,7 @@ def estimate_response(images: Any, seconds: Any, method: str = "debevec") -> np.
     rt = runtime(images)
     step = max(1, int(np.sqrt(shape[1] * shape[2] / min(SAMPLES, VALUES / len(times)))))
     host = np.asarray(rt.to_numpy(rt.adopt(images, np.uint8, shape)))[:, ::step, ::step]
+    check_order(times, host)
     fit = _debevec if method == "debevec" else _robertson
     curves = [fit(channel.reshape(len(times), -1), times) for channel in np.moveaxis(host, 3, 0)]
     return np.stack(curves, axis=1)
@@ -126,8 +130,8 @@ def merge_exposures(
     TypeError
         If `images` do not hold real numbers, or `seconds` or `response` are not numbers.
     ValueError
-        If shapes or lengths do not agree, times are not above 0, or `response` is for images that
-        are not uint8.
+        If shapes or lengths do not agree, times are not above 0, `response` is for images that
+        are not uint8, or it is estimated and longer exposures are darker.
 
     Notes
     -----
@@ -216,10 +220,20 @@ def _times(seconds: Any, count: int) -> np.ndarray:
     return times
 
 
+def check_order(times: np.ndarray, images: Sequence[np.ndarray] | np.ndarray) -> None:
+    """Refuse times with which longer exposures are darker more often than brighter."""
+    means = np.array([np.mean(image) for image in images])[np.argsort(times, kind="stable")]
+    if np.sum(np.diff(means) < 0) > np.sum(np.diff(means) > 0):
+        raise ValueError(
+            "seconds must be in the order of the images: longer exposures are darker with "
+            f"{', '.join(f'{time:g}' for time in times)}"
+        )
+
+
 def _most(rt: Any, images: Any, carried: np.dtype) -> float:
     """Return the value at which linear images are saturated: their largest."""
     host = np.asarray(rt.to_numpy(rt.adopt(images, carried)))
-    most = float(np.nanmax(host)) if host.size else 0.0
+    most = float(np.fmax.reduce(host, axis=None, initial=0.0))  # NaN does not count
     return most if most > 0 else 1.0
 
 

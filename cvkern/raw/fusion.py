@@ -9,7 +9,9 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_number
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
+from cvkern.filters.linear import frozen_taps
+from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.raw import WELL
 from cvkern.raw.exposures import stacked
 
@@ -26,7 +28,8 @@ def fuse_exposures(
     Parameters
     ----------
     images : array of shape (K, H, W) or (K, H, W, 3)
-        Exposures, registered: uint8, or floating in 0 to 1. NumPy also takes a sequence of images.
+        Exposures, registered: uint8, uint16 with white at 65535, or floating in 0 to 1. NumPy also
+        takes a sequence of images.
     contrast, saturation, exposure : float, default 1.0
         Exponents of the three measures that an image is weighted by; 0 leaves one out.
 
@@ -38,7 +41,7 @@ def fuse_exposures(
     Raises
     ------
     TypeError
-        If `images` do not hold real numbers.
+        If `images` are of another dtype.
     ValueError
         If there are fewer than two images, shapes differ, there are not 3 channels, or an exponent
         is negative.
@@ -76,8 +79,13 @@ def fuse_exposures(
         for v, n in ((contrast, "contrast"), (saturation, "saturation"), (exposure, "exposure"))
     ]
     rt = runtime(images)
-    integral = library(images).dtype(images) == np.uint8
+    dtype = library(images).dtype(images)
+    if dtype not in (np.uint8, np.uint16) and dtype.kind != "f":
+        raise TypeError(f"images must be uint8, uint16 or floating, got {dtype}")
+    integral = dtype == np.uint8
     frames = rt.adopt(images, np.uint8 if integral else np.float32, shape)
+    if dtype == np.uint16:
+        frames = _scaled(rt, frames)
     scale = 1 / 255 if integral else 1.0
     # exp(-d / (2 WELL^2)) as a power of 2 of the squared distance d.
     powers[2] *= -math.log2(math.e) / (2 * WELL**2)
@@ -98,3 +106,14 @@ def fuse_exposures(
     coarse = levels[0] if levels else rt.scratch("fusion.none", (1, 1, 1))
     kernels.finish(frames, scale, weights, coarse, int(not levels), out)
     return rt.release(result)
+
+
+def _scaled(rt: Runtime, frames: Any) -> Any:
+    """Return frames of 16 bits, whose white is 1."""
+    scaled = rt.scratch("fusion.scaled", tuple(frames.shape))
+    flat = (1, math.prod(frames.shape[:2]), math.prod(frames.shape[2:]))
+    share, one = (rt.constant(frozen_taps(np.array([v]))) for v in (1 / 65535, 1.0))
+    rt.filters.linear.correlate_separable(
+        frames.reshape(flat), share, one, 1, Border.NEAREST, 0.0, scaled.reshape(flat)
+    )
+    return scaled

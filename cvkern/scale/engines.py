@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import multiprocessing
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -10,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -61,12 +63,26 @@ def errors_of(
 def process(task: Task) -> str:
     """Compute and write the result of one file; return why it failed, or nothing."""
     try:
+        image = read_image(task.path)
+        options = with_channels(task.function, image.shape, task.options)
         with cvkern.use(task.backend, task.device):
-            result = task.function(read_image(task.path), **task.options)
+            result = task.function(image, **options)
         _write(Path(task.target), result)
     except Exception as error:  # whatever it is, the other files go on
         return f"{type(error).__name__}: {error}"
     return ""
+
+
+def with_channels(function: Any, shape: tuple[int, ...], options: dict[str, Any]) -> dict[str, Any]:
+    """Return the options for an image from a file: its colours are the last axis.
+
+    Functions of cvkern refuse to guess that of an array, but files have no other order.
+    """
+    if len(shape) != 3 or not getattr(function, "__module__", "").startswith("cvkern."):
+        return options
+    if "channel_axis" not in inspect.signature(function).parameters:
+        return options
+    return {"channel_axis": -1} | options
 
 
 def _write(path: Path, result: Any) -> None:
@@ -75,7 +91,9 @@ def _write(path: Path, result: Any) -> None:
         return
     with replacing(path) as beside, open(beside, "wb") as stream:
         if path.suffix == ".npy":
-            np.save(stream, np.asarray(result), allow_pickle=False)
+            # Given a file, NumPy writes by itself, and does not say that the disk is full.
+            plain: Any = SimpleNamespace(write=stream.write)
+            np.save(plain, np.asarray(result), allow_pickle=False)
         else:
             parts = result if isinstance(result, tuple) else (result,)
             names = getattr(parts, "_fields", [f"arr_{n}" for n in range(len(parts))])

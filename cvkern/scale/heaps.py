@@ -51,7 +51,8 @@ def map_images(
         Image files (:func:`cvkern.images.read_image`). Of a folder, its photographs.
     function : function or str
         Called with an image, (H, W) or (H, W, C), and the options; or the name of a function of
-        cvkern. For all engines but threads it must be picklable.
+        cvkern. Functions of cvkern that have it get ``channel_axis=-1`` for photographs in colour.
+        For all engines but threads it must be picklable.
     target : path
         The folder of the results, which is made if need be. A result has the name of its file, with
         `suffix`.

@@ -72,7 +72,8 @@ def stitch(
     in a tile, and written into a file of its own. A file that cannot be read is left out.
 
     If a run is killed, the same call goes on where it was: with the photographs whose keypoints are
-    missing, or the tiles that are not written.
+    missing, or the tiles that are not written. If a panorama was refused as too large, a call with
+    another `scale` finds the keypoints and pairs again.
 
     Parameters
     ----------
@@ -168,8 +169,12 @@ def stitch(
             f"target must not hold a file of paths, got {str(over)!r}: take another folder"
         )
     folder.mkdir(parents=True, exist_ok=True)
-    call = {"files": [_state(f) for f in files], "suffix": suffix, "tile": tile, "backend": backend}
-    book = Journal(journal, {"function": "stitch", "options": options} | call)
+    call = {"files": [_state(f) for f in files], "data_range": white, "backend": backend}
+    book = Journal(journal, {"function": "stitch"} | call)
+    # Whoever changes how panoramas are drawn, because one is too large say, keeps the keypoints.
+    how = {"options": options, "suffix": suffix, "tile": tile}
+    if (journal / "tiles").exists():
+        Journal(journal / "tiles", how)  # refuses another drawing before any work
     notes = journal / "photographs"
     notes.mkdir(exist_ok=True)
     made, written = [], set()
@@ -183,6 +188,7 @@ def stitch(
         else:
             given = None if focals is None else focals[numbers]
         plans = planned(heap, links, given, checked, [files[n].name for n in numbers])
+        tiles = Journal(journal / "tiles", how)
         for number, plan in enumerate(plans):
             text = f"Panorama {number + 1} of {len(plans)}"
 
@@ -192,10 +198,11 @@ def stitch(
 
             out = folder / f"panorama-{number + 1}{suffix}"
             written |= {out, _beside(out)}
-            one = _drawn(heap, plan, checked, side, out, _Pages(book, number), part)
+            one = _drawn(heap, plan, checked, side, out, _Pages(tiles, number), part)
             made.append(_renumbered(one, numbers))
     for stale in old - written:
         shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
+    tiles.remove()
     shutil.rmtree(notes)
     book.remove()
     return Heaped(made, [str(f) for f in files], failed)

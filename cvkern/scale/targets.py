@@ -1,58 +1,99 @@
-"""Arrays in files that are read and written part by part."""
+"""Arrays that are written part by part."""
 
 from __future__ import annotations
 
+import errno
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cvkern.images.files import read_image
 from cvkern.scale.engines import optional
 
 TIFF = ".tif", ".tiff"
 SUFFIXES = ".npy", ".tif", ".zarr"
 
 
-def opened(file: Path) -> Any:
-    """Return the image of a file, as far as possible without reading it."""
-    if not file.exists():
-        raise FileNotFoundError(f"source must be a file that exists, got {str(file)!r}")
-    if file.suffix == ".npy":
-        try:
-            return np.load(file, mmap_mode="r", allow_pickle=False)
-        except ValueError as error:
-            raise ValueError(f"source must be an array of NumPy, got {str(file)!r}") from error
-    if file.suffix == ".zarr":
-        return _zarr(file, "source", mode="r")
-    if file.suffix.lower() in TIFF:
-        import tifffile
-
-        try:
-            return tifffile.memmap(file, mode="r")
-        except (ValueError, tifffile.TiffFileError):  # compressed, or in pieces
-            pass
-    return read_image(file)
-
-
 def target_of(file: Path, shape: Sequence[int], dtype: np.dtype, resumed: bool) -> Any:
     """Return an array on disk, new or as a run before left it."""
-    if file.suffix == ".npy":
-        mode = "r+" if resumed else "w+"
-        return np.lib.format.open_memmap(file, mode, None if resumed else dtype, tuple(shape))
-    if file.suffix.lower() in TIFF:
-        import tifffile
-
-        kind = np.dtype(np.uint8) if dtype.kind == "b" else dtype
-        given = {} if resumed else {"shape": tuple(shape), "dtype": kind}
-        array: Any = tifffile.memmap(file, mode="r+", **given)
-        return _Mask(array) if dtype.kind == "b" else array
+    if file.suffix == ".npy" or file.suffix.lower() in TIFF:
+        try:
+            return _mapped(file, shape, dtype, resumed)
+        except OSError:
+            if not resumed:
+                file.unlink(missing_ok=True)
+            raise
     if file.suffix == ".zarr":
         if resumed:
-            return _zarr(file, "target", mode="r+")
-        return _zarr(file, "target", mode="w", shape=tuple(shape), dtype=dtype)
+            return zarr_array(file, "target", mode="r+")
+        return zarr_array(file, "target", mode="w", shape=tuple(shape), dtype=dtype)
     raise ValueError(f"target must end in .npy, .tif or .zarr, got {str(file)!r}")
+
+
+def _mapped(file: Path, shape: Sequence[int], dtype: np.dtype, resumed: bool) -> Any:
+    """Return an array of NumPy or a TIFF, as a memory map whose space on disk is taken."""
+    if file.suffix == ".npy":
+        mode = "r+" if resumed else "w+"
+        array = np.lib.format.open_memmap(file, mode, None if resumed else dtype, tuple(shape))
+        reserve(array)
+        return array
+    import tifffile
+
+    kind = np.dtype(np.uint8) if dtype.kind == "b" else dtype
+    given = {} if resumed else {"shape": tuple(shape), "dtype": kind}
+    image: Any = tifffile.memmap(file, mode="r+", **given)
+    reserve(image)
+    return _Mask(image) if dtype.kind == "b" else image
+
+
+def reserve(target: Any) -> None:
+    """Take the space of a memory map on its disk.
+
+    A disk that is full is an error then. Later it would be a signal that ends the process.
+    """
+    mapped = isinstance(target, np.memmap) and target.mode in ("r+", "w+")
+    if not mapped or target.filename is None or not hasattr(os, "posix_fallocate"):
+        return
+    with open(target.filename, "r+b") as file:
+        try:
+            os.posix_fallocate(file.fileno(), 0, os.fstat(file.fileno()).st_size)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):  # not on this kind of disk
+                raise OSError(error.errno, error.strerror, str(target.filename)) from None
+
+
+def check_targets(
+    target: Any, shapes: list[tuple[int, ...]], dtypes: list[np.dtype], sources: Sequence[Any]
+) -> list[Any]:
+    """Return the targets as a list, if they can hold the results and are not read meanwhile."""
+    given = list(target) if isinstance(target, (tuple, list)) else [target]
+    if [tuple(t.shape) for t in given] != shapes:
+        got = ", ".join(str(tuple(t.shape)) for t in given)
+        raise ValueError(f"target must have shape {', '.join(map(str, shapes))}, got {got}")
+    for one, dtype in zip(given, dtypes, strict=True):
+        if np.dtype(one.dtype) != dtype:
+            raise ValueError(f"target must hold {dtype}, got {one.dtype}")
+        if any(_shared(one, source) for source in sources):
+            raise ValueError("target must not be source: tiles read what lies around them")
+        reserve(one)
+    return given
+
+
+def _shared(one: Any, other: Any) -> bool:
+    """Return whether two arrays have memory in common, or bytes of a file."""
+    if one is other:
+        return True
+    if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)):
+        return False
+    if np.may_share_memory(one, other, max_work=10**4):  # pyright: ignore[reportArgumentType]
+        return True
+    if not (isinstance(one, np.memmap) and isinstance(other, np.memmap)):
+        return False
+    if None in (one.filename, other.filename) or not os.path.samefile(one.filename, other.filename):  # pyright: ignore[reportArgumentType]
+        return False
+    return one.offset < other.offset + other.nbytes and other.offset < one.offset + one.nbytes
 
 
 class _Mask:
@@ -68,5 +109,6 @@ class _Mask:
         self.image[place] = np.where(mask, 255, 0)
 
 
-def _zarr(file: Path, name: str, **options: Any) -> Any:
+def zarr_array(file: Path, name: str, **options: Any) -> Any:
+    """Open an array of Zarr."""
     return optional("zarr", f"{name} {str(file)!r}").open_array(str(file), **options)

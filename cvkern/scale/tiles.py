@@ -22,9 +22,11 @@ import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import check_devices, choice, pinned, refuse_capture, use
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, flooded, thresholds, tile_edges
+from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
+from cvkern.scale.sources import cut, images_of
+from cvkern.scale.targets import check_targets
 from cvkern.scale.votes import line_votes, shape_votes
 
 TILE = 2048
@@ -67,13 +69,14 @@ def apply(
         One of :data:`TILED`, or its name.
     source : array of shape (H, W) or (H, W, C), or a tuple of two for `stereo_match`
         Anything with a `shape` that gives an array when it is sliced by rows and columns: a NumPy
-        memory map, an array of Zarr or HDF5. For an array of Dask, tiles are tasks of Dask, which
-        run where its scheduler says: on threads, or on the workers of a client; not for the Hough
-        transforms and `stereo_match`.
+        memory map, an array of Zarr or HDF5; or an image of pyvips. For an array of Dask, tiles are
+        tasks of Dask, which run where its scheduler says: on threads, or on the workers of a
+        client; not for the Hough transforms and `stereo_match`.
     target : array of the result's shape, or a tuple of them, optional
         Anything that takes a tile when it is assigned to a slice. When omitted, NumPy arrays are
         made; of an array of Dask, one of Dask is returned, and nothing is computed yet. Functions
-        with several results need one target for each. None for `hough_line`,
+        with several results need one target for each. It must not share memory with `source`.
+        Space on disk for memory maps is taken first, where the system can. None for `hough_line`,
         `generalized_hough` and `generalized_hough_votes`, whose votes are added up in memory.
     tile : int or (int, int), default 2048
         Height and width of a tile, pixels; of `stereo_match`, strips have all columns.
@@ -105,7 +108,10 @@ def apply(
         If the function does not have an option, or the arrays hold no real numbers.
     ValueError
         If the function does not work tile by tile, an option has no meaning there
-        (:func:`halo`), a shape is wrong, or `journal` is that of another call.
+        (:func:`halo`), a shape is wrong, `source` changes its shape meanwhile, `target` shares its
+        memory, or `journal` is that of another call.
+    OSError
+        If `source` cannot be read, or `target` or `journal` not be written.
 
     Notes
     -----
@@ -134,8 +140,7 @@ def apply(
     refuse_capture("scale.apply")
     reach = halo(function, **options)
     name = function if isinstance(function, str) else function.__name__
-    sources = source if name == "stereo_match" and isinstance(source, tuple) else (source,)
-    shape = _shape(sources, 2 if name == "stereo_match" else 1)
+    sources, shape = images_of(source, 2 if name == "stereo_match" else 1)
     sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
     if name == "stereo_match":
         sides[1] = shape[1]
@@ -151,8 +156,8 @@ def apply(
         return _lazy(name, source, target, tiles, options, maps)
 
     def read(tile: Tile) -> tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]:
-        windows = tuple(_cut(one, tile.window, "source") for one in sources)
-        return windows, {key: _cut(one, tile.window, key) for key, one in maps.items()}
+        windows = tuple(cut(one, tile.window, "source") for one in sources)
+        return windows, {key: cut(one, tile.window, key) for key, one in maps.items()}
 
     if name in VOTES:
         if journal is not None or target is not None:
@@ -199,7 +204,7 @@ def apply(
                 states = np.ascontiguousarray(results[0])
                 results = [flooded(states)]
             if not targets:
-                targets += _targets(name, target, results, shape)
+                targets += _targets(name, target, results, shape, (*sources, *maps.values()))
             if written:
                 written.result()
             written = pool.submit(write, part, results, states)
@@ -214,7 +219,7 @@ def apply(
             for part in tiles:
                 seams.add(part.inner, book.kept(part.number) or {})
         for inner, more in seams.decided():
-            targets[0][inner] = np.asarray(targets[0][inner]) | more
+            add_edges(targets[0], inner, more)
     book.remove()
     if hasattr(found, "_fields") and target is None:
         return type(found)(*targets)
@@ -308,7 +313,7 @@ def results_of(
     """Return the names, shapes and dtypes of the results; a single one has the name ""."""
     if function in WHOLE:
         raise ValueError(f"function must have a result for each tile, got {function!r}")
-    shape = _shape((source,), 1)
+    (source,), shape = images_of(source, 1)
     side = halo(function, **options) + 1 if function in LEADING else 1
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a black image has no edges
@@ -327,7 +332,8 @@ def _store(results: Any, target: Any) -> Any:
 
     arrays = results if isinstance(results, tuple) else (results,)
     # Dask writes under a lock: two tiles may lie in one chunk of the target.
-    da.store(list(arrays), _checked(target, [a.shape for a in arrays], [a.dtype for a in arrays]))
+    shapes, dtypes = [a.shape for a in arrays], [a.dtype for a in arrays]
+    da.store(list(arrays), check_targets(target, shapes, dtypes, ()))
     return target
 
 
@@ -349,52 +355,15 @@ def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[T
         yield Tile(number, inner, outer, (inside[0], inside[1]))
 
 
-def _cut(source: Any, window: Place, name: str) -> np.ndarray:
-    try:
-        part = source[window]
-    except (TypeError, IndexError, NotImplementedError) as error:  # a memoryview has the last one
-        got = type(source).__name__
-        raise TypeError(
-            f"{name} must give arrays for slices of rows and columns, got {got}"
-        ) from error
-    if isinstance(part, np.ma.MaskedArray):
-        raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
-    return np.ascontiguousarray(part)
-
-
-def _shape(sources: tuple[Any, ...], number: int) -> tuple[int, ...]:
-    """Return the shape of the sources, which are so many images of one shape."""
-    if len(sources) != number:
-        raise ValueError(f"source must be a tuple of {number} images, got {len(sources)}")
-    shapes = []
-    for source in sources:
-        shape = getattr(source, "shape", None)
-        if shape is None or len(shape) not in (2, 3) or 0 in shape:
-            got = type(source).__name__ if shape is None else tuple(shape)
-            raise ValueError(f"source must be an array of shape (H, W) or (H, W, C), got {got}")
-        shapes.append(tuple(int(n) for n in shape))
-    if len(set(shapes)) > 1:
-        raise ValueError(f"source must be images of one shape, got {shapes}")
-    return shapes[0]
-
-
 def _targets(
-    function: str, target: Any, results: list[np.ndarray], shape: tuple[int, ...]
+    function: str,
+    target: Any,
+    results: list[np.ndarray],
+    shape: tuple[int, ...],
+    sources: Sequence[Any],
 ) -> list[Any]:
     """Return an array for each result: those given, or new ones."""
     shapes = [_whole(function, r, shape) for r in results]
     if target is None:
         return [np.empty(s, r.dtype) for s, r in zip(shapes, results, strict=True)]
-    return _checked(target, shapes, [r.dtype for r in results])
-
-
-def _checked(target: Any, shapes: list[tuple[int, ...]], dtypes: list[np.dtype]) -> list[Any]:
-    """Return the targets as a list, if their shapes and dtypes are those of the results."""
-    given = list(target) if isinstance(target, (tuple, list)) else [target]
-    if [tuple(t.shape) for t in given] != shapes:
-        got = ", ".join(str(tuple(t.shape)) for t in given)
-        raise ValueError(f"target must have shape {', '.join(map(str, shapes))}, got {got}")
-    for one, dtype in zip(given, dtypes, strict=True):
-        if np.dtype(one.dtype) != dtype:
-            raise ValueError(f"target must hold {dtype}, got {one.dtype}")
-    return given
+    return check_targets(target, shapes, [r.dtype for r in results], sources)

@@ -198,8 +198,8 @@ class Solver:
     def _fields(self, n: int, shape: tuple[int, int]) -> tuple[Any, Any]:
         return self.rt.scratch(f"relief.b{n}", shape), self.rt.scratch(f"relief.x{n}", shape)
 
-    def solve(self, tolerance: float) -> int:
-        """Iterate from z to the solution; return the number of steps."""
+    def solve(self, tolerance: float, most: int = MOST_STEPS) -> int:
+        """Iterate from z to the solution; return the number of steps, `most` at most."""
         kernels, weights = self.rt.shading.integration.multigrid, self.weights
         pull = self.rt.shading.integration.equations.pull
         for fine, coarse in zip(self.levels, self.levels[1:], strict=False):
@@ -207,7 +207,7 @@ class Solver:
         self.rt.write(self.sums, np.zeros(3))
         pull(weights, self.rises, self.z, 1.0, self.r)
         first, often = None, 1 if self.rt.device == "cpu" else OFTEN
-        for step in range(MOST_STEPS):
+        for step in range(most):
             smoothed = self._cycle()
             kernels.weigh_rest(self.r, smoothed, self.partial, self.sums)
             if step % often == 0:
@@ -220,7 +220,7 @@ class Solver:
             pull(weights, self.none, self.p, -1.0, self.q)
             kernels.weigh_step(self.p, self.q, self.partial, self.sums)
             kernels.advance(self.p, self.q, self.sums, self.z, self.r)
-        return MOST_STEPS
+        return most
 
     def _cycle(self) -> Any:
         """Apply one multigrid cycle to the residual."""

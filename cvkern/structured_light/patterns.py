@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from cvkern._checks import (
     as_items,
+    as_numbers,
     check_choice,
     check_flag,
     check_integer,
@@ -78,7 +79,7 @@ def gray_code_patterns(
             frames += [pattern, 255 - pattern]
     if lights:
         frames += [np.full((height, width), value, np.uint8) for value in (255, 0)]
-    return np.stack(frames) if frames else np.zeros((0, height, width), np.uint8)
+    return _stacked(frames)
 
 
 def phase_shift_patterns(
@@ -87,7 +88,7 @@ def phase_shift_patterns(
     steps: int = 4,
     *,
     axes: Sequence[str] = AXES,
-    gamma: float = 1.0,
+    gamma: Any = 1.0,
 ) -> np.ndarray:
     """Make fringe patterns, each shifted in `steps` equal steps.
 
@@ -102,8 +103,10 @@ def phase_shift_patterns(
         order ``steps - 2``.
     axes : sequence of {'columns', 'rows'}, default ('columns', 'rows')
         Projector coordinates to encode, in this order.
-    gamma : float, default 1.0
-        Exponent of the projector: its light is the value to this power. The patterns compensate it.
+    gamma : float or array of shape (256,), default 1.0
+        What the projector makes of values, which the patterns compensate. Either the exponent: its
+        light is the value to this power. Or a table of the light of each value from 0 to 255 in
+        any unit, as measured in photographs of plain patterns; it must not fall.
 
     Returns
     -------
@@ -117,8 +120,8 @@ def phase_shift_patterns(
         If a number is not one, or a side or `steps` is not an integer.
     ValueError
         If a side is not in [1, 65536], `steps` is not in [3, 64], a frequency or `gamma` is not
-        positive, frequencies do not ascend, or `axes` is empty, repeats an axis or names an unknown
-        one.
+        positive, a table of `gamma` has another shape, falls or does not rise at all, frequencies
+        do not ascend, or `axes` is empty, repeats an axis or names an unknown one.
 
     See Also
     --------
@@ -140,7 +143,7 @@ def phase_shift_patterns(
     """
     height, width = check_sides(shape, "shape")
     steps = check_integer(steps, "steps", 3, 64)
-    gamma = check_positive(gamma, "gamma")
+    levels = _levels_of(gamma)
     frames = []
     for axis in check_axes(axes):
         count = width if axis == "columns" else height
@@ -148,10 +151,31 @@ def phase_shift_patterns(
         for frequency in check_frequencies(frequencies):
             for n in range(steps):
                 light = (1 + np.cos(2 * math.pi * (frequency * turns - n / steps))) / 2
-                row = np.round(255 * light ** (1 / gamma)).astype(np.uint8)
+                row = levels(light)
                 whole = row if axis == "columns" else row[:, None]
                 frames.append(np.broadcast_to(whole, (height, width)))
-    return np.stack(frames)
+    return _stacked(frames)
+
+
+def _stacked(frames: list[np.ndarray]) -> np.ndarray:
+    """Return frames as one array, each row by row: the stack of broadcast ones may be otherwise."""
+    return np.stack(frames, out=np.empty((len(frames), *frames[0].shape), np.uint8))
+
+
+def _levels_of(gamma: Any) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function from light, in [0, 1], to values of the projector, uint8."""
+    if np.ndim(gamma) == 0:
+        power = 1 / check_positive(gamma, "gamma")
+        return lambda light: np.round(255 * light**power).astype(np.uint8)
+    table = as_numbers(gamma, "gamma")
+    if table.shape != (256,):
+        raise ValueError(f"gamma must be a number or have shape (256,), got {table.shape}")
+    if not (np.isfinite(table).all() and (np.diff(table) >= 0).all() and table[-1] > table[0]):
+        raise ValueError("gamma must be finite and rise, got a table that does not")
+    lights = (table - table[0]) / (table[-1] - table[0])
+    # The value whose light is nearest.
+    middles = (lights[1:] + lights[:-1]) / 2
+    return lambda light: np.searchsorted(middles, light).astype(np.uint8)
 
 
 def code_bits(count: int) -> int:

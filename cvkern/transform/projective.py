@@ -192,8 +192,8 @@ def rectify_plane(
     TypeError
         If `image` does not hold real numbers, or `dtype` is neither float32 nor uint8.
     ValueError
-        If `image` is empty or of a wrong rank, `corners` are not four points of which no three
-        lie on a line, `size` is not of two sides from 2 to 65536, or an option is unknown.
+        If `image` is empty or of a wrong rank, `corners` are not those of a convex quadrilateral,
+        one after the other, `size` is not of two sides from 2 to 65536, or an option is unknown.
 
     Examples
     --------
@@ -235,11 +235,14 @@ def _four_points(points: np.ndarray, targets: np.ndarray) -> np.ndarray:
     for (y, x), (v, u) in zip(points, targets, strict=True):
         rows.append([x, y, 1, 0, 0, 0, -u * x, -u * y])
         rows.append([0, 0, 0, x, y, 1, -v * x, -v * y])
-    for i in range(4):  # no three on a line
-        a, b, c = (points[j] for j in range(4) if j != i)
-        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-        reach = max(1.0, np.ptp(points, axis=0).max())
-        if abs(area) < 1e-9 * reach * reach:
-            raise ValueError("corners must be four points, no three on a line, got others")
+    # All seen rectangles turn the same way at each corner, and clearly.
+    sides = np.roll(points, -1, axis=0) - points
+    after = np.roll(sides, -1, axis=0)
+    turns = sides[:, 0] * after[:, 1] - sides[:, 1] * after[:, 0]
+    least = 1e-9 * max(1.0, np.ptp(points, axis=0).max()) ** 2
+    if not ((turns > least).all() or (turns < -least).all()):
+        raise ValueError(
+            "corners must go round a quadrilateral without a dent, no three on a line, got others"
+        )
     found = np.linalg.solve(np.array(rows), targets[:, ::-1].ravel())
     return np.append(found, 1.0).reshape(3, 3)

@@ -16,13 +16,14 @@ import taichi as ti
 from cvkern.kernels import _cache
 from cvkern.kernels._threads import cpu_threads
 
-from . import _staging
+from . import _sources, _staging
 from ._denormals import can_keep_denormals, keep_denormals
 
 P = ParamSpec("P")
 
 # Taichi compiles and launches on one thread at a time.
 _lock = threading.RLock()
+_sources.read_once()
 
 
 class _Program:

@@ -53,6 +53,14 @@ def test_warmup_leaves_nothing_to_compile():
                 assert not late, (name, dtype)
 
 
+def test_every_function_works_with_taichi():
+    """In a warm-up call; the tests of each family make calls of further dtypes."""
+    firsts = dict(reversed(list(warmup.calls())))
+    with cvkern.use(backend="taichi"):
+        for call in firsts.values():
+            call()
+
+
 def test_doctor(command):
     code, out, _ = command("doctor")
     assert code == 0, out

@@ -53,6 +53,28 @@ def test_relief(command, folder, tmp_path, told):
     assert command("relief", images, "-o", out, "--overwrite")[0] == 0
 
 
+def test_lights_of_unequal_strength(command, folder, tmp_path):
+    """Images and lights as data sets have them: directions, and strengths beside them."""
+    images, depth, mask = folder
+    sizes = np.linalg.norm(LIGHTS, axis=1, keepdims=True)
+    strengths = np.linspace(0.5, 1, len(LIGHTS))[:, None]
+    for k, power in enumerate(strengths[:, 0]):
+        file = images / f"hill.{k + 7}.png"
+        write_image(file, (read_image(file) * power).round().astype(np.uint16))
+    np.savetxt(images / "light_directions.txt", LIGHTS / sizes)
+    for columns in (1, 3):
+        np.savetxt(images / "light_intensities.txt", np.repeat(strengths * sizes, columns, axis=1))
+        out = tmp_path / f"out{columns}"
+        code, said, _ = command("relief", images, "-o", out)
+        assert (code, "and light_intensities.txt" in said) == (0, True)
+        # The bound is that of lights.txt above. Without the strengths it is 0.76.
+        assert np.std((read_image(out / "depth.tif") - depth)[mask]) < 0.04
+    np.savetxt(images / "light_intensities.txt", strengths[1:])
+    code, _, error = command("relief", images, "-o", tmp_path / "none")
+    assert code == 2
+    assert "light_intensities.txt must have 6 lines" in " ".join(error.split())
+
+
 def test_a_chrome_sphere(command, folder, tmp_path):
     images, depth, mask = folder
     ball = tmp_path / "chrome"

@@ -76,7 +76,7 @@ def test_a_cloud_and_a_map(tmp_path):
         assert not tab.errors
     page.close()
     values = np.arange(20 * 30, dtype=np.float32).reshape(20, 30)
-    page = map_page(values)
+    page = map_page(values, depth=10 * values)
     with opened(page.address, tmp_path / "b") as tab:
         tab.until(lambda seen: seen[200:300, 100:400].std() > 30)
         for kind in ("mousePressed", "mouseReleased"):
@@ -86,7 +86,7 @@ def test_a_cloud_and_a_map(tmp_path):
         said = "document.body.innerText"
         end = time.monotonic() + 20
         while (
-            "row 10, column 15: 315"
+            "row 10, column 15: 315, depth 3150"
             not in tab.call("Runtime.evaluate", expression=said)["result"]["value"]
         ):
             assert time.monotonic() < end
@@ -113,7 +113,8 @@ def test_the_command(command, photo, tmp_path, monkeypatch, kind):
     names = {"cloud": "cloud.ply", "map": "map.npy", "splats": "splats.ply"}
     file = photo if kind == "photo" else tmp_path / names[kind]
     monkeypatch.setattr(Page, "wait", lambda page, serve: (serve(), page.close()))
-    code, said, _ = command("view", file, "--port", 8650)
+    given = ("--focal", 900, "--baseline", 0.1) if kind == "map" else ()
+    code, said, _ = command("view", file, "--port", 8650, *given)
     assert code == 0
     assert said == "http://127.0.0.1:8650: open it in a browser; Ctrl-C ends\n"
 
@@ -145,7 +146,19 @@ def test_recordings(command, photo, tmp_path):
 
 def test_files_that_are_none(command, tmp_path):
     (tmp_path / "a.npz").write_bytes(b"no model")
-    for file, message in (("none.png", "file must be one that exists"), ("a.npz", "a.npz")):
+    np.save(tmp_path / "map.npy", np.eye(5))
+    np.save(tmp_path / "photo.npy", np.eye(5, dtype=np.uint8))
+    for file, words, message in (
+        ("map.npy", (), "focal must be given with baseline"),
+        ("photo.npy", ("--baseline", 1), "focal must go with a map of disparities"),
+    ):
+        code, _, said = command("view", tmp_path / file, "--focal", 900, *words)
+        assert (code, message in " ".join(said.split())) == (2, True)
+    (tmp_path / "empty.npy").touch()
+    for file, message in (
+        ("none.png", "file must be one that exists"), ("a.npz", "a.npz"),
+        ("empty.npy", "file must be an array of NumPy"),
+    ):  # fmt: skip
         code, _, said = command("view", tmp_path / file)
         assert code == 2
         assert message in " ".join(said.split())

@@ -98,6 +98,14 @@ def test_saturated_pixels_do_not_count():
         assert angle(cvkern.estimate_illuminant(image, method), LIGHT) < 1e-3
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_one_colour_is_that_of_the_light(method):
+    for shape in ((40, 50, 1), (1, 1, 1)):
+        got = cvkern.estimate_illuminant(np.tile(LIGHT, shape), method)
+        # Taps of second derivatives add up to 1e-5, not 0.
+        np.testing.assert_allclose(got, LIGHT / LIGHT.max(), rtol=1e-3)
+
+
 def test_nothing_to_see():
     for image in (np.zeros((8, 9, 3)), np.ones((8, 9, 3)), np.full((8, 9, 3), np.nan)):
         np.testing.assert_array_equal(cvkern.estimate_illuminant(image), 1)

@@ -52,6 +52,8 @@ def test_bytes(backend):
     np.testing.assert_array_equal(
         cvkern.convert_color(linear, "rgb", "srgb", dtype=np.uint8), image
     )
+    deep = cvkern.convert_color(image.astype(np.uint16) * 257, "srgb", "rgb")
+    np.testing.assert_allclose(deep, linear, rtol=1e-6)
     wide = np.random.default_rng(1).uniform(-0.1, 1.1, (5000, 3)).astype(np.float32)
     got = cvkern.convert_color(wide, "rgb", "srgb", dtype=np.uint8)
     # The matrix is the unit matrix only to rounding: codes may differ where it is 0.49999.
@@ -99,6 +101,18 @@ def test_ciede2000(backend):
     np.testing.assert_allclose(cvkern.deltaE_ciede2000(first, second, kL=2), want, rtol=3e-6)
 
 
+def test_adaptation_joins_the_matrix(backend):
+    """One pass, with the bytes of three."""
+    linear = np.random.default_rng(3).random((7, 9, 3)).astype(np.float32)
+    xyz = cvkern.adapt_colors(cvkern.convert_color(linear, "rgb", "xyz"), "A", "D65")
+    want = cvkern.convert_color(xyz, "xyz", "rgb")
+    got = cvkern.convert_color(linear, "rgb", "rgb", adapt=("A", "D65"))
+    # Three roundings of 6e-8 of sums up to 3 against one.
+    np.testing.assert_allclose(got, want, atol=3e-6)
+    codes = cvkern.convert_color(linear, "rgb", "srgb", adapt=["A", "D65"], dtype="uint8")
+    np.testing.assert_allclose(codes, 255 * reference.srgb_curve(want.clip(0, 1)), atol=0.51)
+
+
 def test_adaptation():
     """Lindbloom's matrices of Bradford and von Kries, from D65 to D50 as ASTM E308 has them."""
     whites = (0.95047, 1, 1.08883), (0.96422, 1, 0.82521)
@@ -129,6 +143,10 @@ def test_adaptation():
          lambda: cvkern.convert_color(COLOURS, "srgb", "lab", dtype=float)),
         (ValueError, "white must be three positive numbers, got [1, 0, 1]",
          lambda: cvkern.convert_color(COLOURS, "xyz", "lab", white=[1, 0, 1])),
+        (ValueError, "adapt must be a pair of lights, got 'A'",
+         lambda: cvkern.convert_color(COLOURS, "xyz", "lab", adapt="A")),
+        (ValueError, "adapt must be three positive numbers, got [1, 0, 1]",
+         lambda: cvkern.convert_color(COLOURS, "xyz", "lab", adapt=("A", [1, 0, 1]))),
         (ValueError, "lab1 must have shape (..., 3), got (4, 4)",
          lambda: cvkern.deltaE_ciede2000(np.eye(4), np.eye(4))),
         (ValueError, "lab2 must have the shape of lab1, (3, 3), got (2, 3)",

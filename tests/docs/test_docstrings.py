@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.app import warmup
 from tests.calls import CALLS, blobs, fields
 
 MODULES = ["cvkern", "cvkern.clouds", "cvkern.images", "cvkern.radiance"]
@@ -50,21 +49,16 @@ def test_there_is_something_to_test():
 
 
 @pytest.mark.parametrize("name", PUBLIC)
-def test_examples_run(backend, name, tmp_path, monkeypatch):
+def test_examples_run(name, tmp_path, monkeypatch):
+    """With one kernel set: the tests of each family compare both."""
     monkeypatch.chdir(tmp_path)  # some write files
     found = doctest.DocTestFinder(recurse=False).find(PUBLIC[name], name, globs={})
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
     for test in found:
         said: list[str] = []
-        runner.run(test, out=said.append)
+        with cvkern.use(backend="warp"):
+            runner.run(test, out=said.append)
         assert runner.failures == 0, "".join(said)
-
-
-def test_warmup_calls_work_with_taichi():
-    """Here, because the examples have compiled most of these kernels, in this process."""
-    with cvkern.use(backend="taichi"):
-        for _, call in warmup.calls():
-            call()
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -6,6 +6,7 @@ import pytest
 import cvkern
 from tests.refusals import refused
 
+FOUND = cvkern.Features(*np.zeros((5, 1)))
 IMAGE, BYTES = np.zeros((4, 5)), np.zeros((2, 4), np.uint8)
 
 REFUSED = [
@@ -23,6 +24,8 @@ REFUSED = [
      (BYTES, BYTES, 0), {}),
     (TypeError, "b must be uint8, got float64", cvkern.match_descriptors,
      (BYTES, BYTES.astype(float)), {}),
+    (TypeError, "b must be descriptors, got Features: take its descriptors",
+     cvkern.match_descriptors, (BYTES, FOUND), {}),
     (ValueError, "b must have 4 bytes a row, got 3", cvkern.match_descriptors,
      (BYTES, BYTES[:, :3]), {}),
     (ValueError, "a must be 2-D, got shape (4,)", cvkern.match_descriptors,

@@ -78,6 +78,16 @@ def test_out_is_filled(few):
     assert len(few) == 1
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_long_images(few, monkeypatch, axis):
+    """No side of a strip is longer than that of a tile may be."""
+    monkeypatch.setattr(_strips, "MAX_ELEMENTS", 2**20)
+    image = np.zeros((2**20 + 1, 1) if axis == 0 else (16, 2**16 + 9), np.uint8)
+    image[0] = image[-1] = 9
+    np.testing.assert_array_equal(cvkern.median(image, 1), whole("median", image, {"radius": 1}))
+    assert few == [(2**16, 1) if axis == 0 else (1, 2**16)]
+
+
 def test_what_strips_cannot_do_is_refused(few, monkeypatch):
     image = np.zeros((150, 130), np.uint8)
     with pytest.raises(ValueError, match="mode must not be 'wrap' in tiles"):

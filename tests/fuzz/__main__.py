@@ -2,8 +2,9 @@
 
 ``python -m tests.fuzz --calls N --seed S`` makes the calls 0 to N - 1 of that seed; ``--first I``
 goes on from there, ``--only I`` makes one call. ``--workers W`` makes them in so many processes,
-and ``--minutes M`` ends after that time, whatever `--calls` says. ``--device cuda`` compares the
-sets there with Warp on the CPU. ``--family F`` calls those of a module of `tests.fuzz.families`.
+each of which computes with ``--threads T``, and ``--minutes M`` ends after that time, whatever
+`--calls` says. ``--device cuda`` compares the sets there with Warp on the CPU. ``--family F`` calls
+those of a module of `tests.fuzz.families`.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ class Work:
 def serve(work: Work, part: int) -> None:
     """Let one process after another make calls of a part, until there are none left."""
     given = work.given
-    process = Process(given.seed, given.device, threads(given.workers), given.family)
+    process = Process(given.seed, given.device, given.threads, given.family)
     try:
         while (chunk := work.take(part)) is not None:
             while chunk.first < chunk.stop:
@@ -90,11 +91,6 @@ def serve(work: Work, part: int) -> None:
         process.close()
 
 
-def threads(workers: int) -> int:
-    """Return how many threads each process computes with."""
-    return max(1, (os.cpu_count() or 1) // workers)
-
-
 def main() -> int:
     """Run the calls, and return 1 where one was at fault."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
@@ -103,12 +99,15 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--only", type=int)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--threads", type=int)
     parser.add_argument("--minutes", type=float)
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--family", choices=FAMILIES, default="")
     given = parser.parse_args()
     if given.only is not None:
         given.first, given.calls = given.only, 1
+    if given.threads is None:
+        given.threads = max(1, (os.cpu_count() or 1) // given.workers)
     if given.calls is None:
         given.calls = 2**31 if given.minutes else 400
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends as Ctrl-C ends it

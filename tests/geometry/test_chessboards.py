@@ -123,10 +123,15 @@ def test_a_smudged_corner_is_found_again():
 
 
 def test_what_is_no_such_board():
-    picture, _ = render(SHAPE, SMALL)
+    picture, truth = render(SHAPE, SMALL)
     board = as_bytes(picture)
     for other in ((4, 4), (5, 5), (3, 5), (4, 7)):
         assert cvkern.detect_chessboard(board, other) is None
+    # Without its last corner, the last column still belongs to the board.
+    y, x = truth[-1].round().astype(int)
+    spoilt = board.copy()
+    spoilt[y - 9 : y + 10, x - 9 : x + 10] = 128
+    assert cvkern.detect_chessboard(spoilt, (4, 4)) is None
     covered = board.copy()
     covered[:, 110:] = 128
     assert cvkern.detect_chessboard(covered, SHAPE) is None

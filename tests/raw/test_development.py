@@ -152,7 +152,7 @@ def test_commands(monkeypatch, capsys, tmp_path):
     assert run(monkeypatch, capsys, *words, "--tone", "local_laplacian")[0] == 0
     code, said = run(monkeypatch, capsys, *words, "--seconds", "1,1/2,1/4")
     assert code == 2
-    assert "seconds must be in the order of the names" in said.err.replace("\n", " ")
+    assert "seconds must be in the order of the images" in said.err.replace("\n", " ")
     iio.imwrite(folder / "other.png", raw.astype(np.uint8))
     code, said = run(monkeypatch, capsys, *words, "--tone", "fuse")
     assert code == 2

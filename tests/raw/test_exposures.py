@@ -200,6 +200,19 @@ def test_fusion_stays_inside(backend, shape):
     np.testing.assert_allclose(cvkern.fuse_exposures(same), 0.4, atol=1e-5)
 
 
+@pytest.mark.parametrize("shape", [(3, 20, 30, 3), (2, 9, 14)])
+def test_16_bits_are_fused_as_8_bits(backend, shape):
+    images = np.random.default_rng(6).integers(0, 256, shape).astype(np.uint8)
+    # Both round each value once, by 6e-8, before the sums of the method.
+    want = cvkern.fuse_exposures(images)
+    got = cvkern.fuse_exposures(images.astype(np.uint16) * 257)
+    np.testing.assert_allclose(got, want, atol=1e-6)
+
+
+def test_missing_values_are_missing_radiance():
+    assert np.isnan(cvkern.merge_exposures(np.full((2, 3, 4), np.nan), [1, 2])).all()
+
+
 @pytest.mark.parametrize("powers", [(1, 1, 1), (0.7, 0, 2)])
 @pytest.mark.parametrize("shape", [(3, 37, 150, 3), (2, 9, 14, 1), (2, 6, 270, 1), (2, 1, 5, 1)])
 def test_fusion_is_the_stated_method(backend, shape, powers):
@@ -311,6 +324,10 @@ IMAGES = np.zeros((2, 4, 4), np.uint8)
          lambda: cvkern.merge_exposures(IMAGES, [1, 0])),
         (ValueError, "seconds must not all be equal, got 1",
          lambda: cvkern.estimate_response(IMAGES, [1, 1])),
+        (ValueError, "seconds must be in the order of the images: longer exposures are darker "
+         "with 2, 1", lambda: cvkern.merge_exposures(np.stack([IMAGES[0], IMAGES[1] + 9]), [2, 1])),
+        (TypeError, "images must be uint8, uint16 or floating, got int64",
+         lambda: cvkern.fuse_exposures(IMAGES.astype(np.int64))),
         (ValueError, "response must have shape (256, 1), got (256, 3)",
          lambda: cvkern.merge_exposures(IMAGES, [1, 2], np.zeros((256, 3)))),
         (ValueError, "response must be of uint8 images, got float64",

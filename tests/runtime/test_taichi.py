@@ -1,10 +1,13 @@
 """Properties of the Taichi kernel set in a process: threads, forks, other code, NumPy."""
 
+import ast
 import os
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -243,3 +246,33 @@ def test_kernels_take_the_memory_of_device_arrays():
     assert seen.dtype is wp.uint8
     assert seen.ptr is not None
     assert _cuda.view(seen.ptr, seen, np.dtype(np.uint8), (3,), "cpu") is seen
+
+
+def test_sources_are_read_once_and_ours_are_not_drawn():
+    """Taichi draws each node of a kernel for messages; the code of others keeps these."""
+    from taichi.lang import kernel_impl
+    from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext
+
+    node = ast.parse("a = b").body[0]
+    for folder, drawn in ((ROOT / "tests", True), (Path(kernels.__file__).parent, False)):
+        made: Any = SimpleNamespace(
+            file=str(folder / "x.py"), lineno_offset=6, func=SimpleNamespace(func=blur),
+            src=["a = b"], indent=0,
+        )  # fmt: skip
+        said = ASTTransformerContext.get_pos_info(made, node)
+        assert said.startswith(f'File "{folder}/x.py", line 7, in blur:\n')
+        assert ("^^^^^" in said) == drawn
+    assert kernel_impl.getsourcelines(blur) is kernel_impl.getsourcelines(blur)
+
+
+def test_kernels_in_classes_of_others():
+    """Ours are in no class, so that Taichi does not look for one; it still finds others."""
+    import taichi as ti
+
+    @ti.data_oriented
+    class Double:
+        @ti.kernel
+        def of(self, x: ti.i32) -> ti.i32:  # pyright: ignore[reportInvalidTypeForm]
+            return 2 * x
+
+    assert Double().of(21) == 42

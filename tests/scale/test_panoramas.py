@@ -131,12 +131,18 @@ def test_a_killed_run_goes_on(tmp_path):
         run.wait()
         run.stdout.close()
     notes = out / "journal"
-    tiles = {path.name for path in notes.glob("0-*.npz")}
+    tiles = {path.name for path in notes.glob("tiles/0-*.npz")}
     assert tiles
     assert said[1][0] == "4 Keypoints"
     changed = {path: path.stat().st_mtime_ns for path in notes.rglob("*.npz")}
     with pytest.raises(ValueError, match="journal must be of the same call"):
         scale.stitch(folder, out, tile=64, bands=3, workers=1)
+    first = min(folder.iterdir())
+    time = first.stat().st_mtime_ns
+    os.utime(first, ns=(time, time + 1))  # another photograph of as many bytes is another call
+    with pytest.raises(ValueError, match="journal must be of the same call"):
+        scale.stitch(folder, out, tile=64, bands=2, workers=1)
+    os.utime(first, ns=(time, time))
     assert {path: path.stat().st_mtime_ns for path in notes.rglob("*.npz")} == changed
     rest = subprocess.run([*words, "0"], check=True, capture_output=True, text=True).stdout
     drawn = [line for line in rest.splitlines() if "Panorama" in line]
@@ -231,5 +237,11 @@ def test_old_panoramas_are_replaced_when_asked(tmp_path):
     with pytest.raises(ValueError, match="target must not hold a file of paths"):
         scale.stitch([*folder.iterdir(), out / "panorama-1.npy"], out, overwrite=True)
     assert written == {path.name for path in out.iterdir()}
+    large, said = tmp_path / "large", []
     with pytest.raises(ValueError, match="max_pixels must be at least"):
-        scale.stitch(folder, tmp_path / "large", max_pixels=1000)
+        scale.stitch(folder, large, max_pixels=1000)
+    # Whoever takes the advice waits neither for keypoints nor for pairs.
+    small = scale.stitch(folder, large, scale=0.1, progress=lambda *step: said.append(step[2]))
+    assert {text.split()[0] for text in said} == {"Panorama"}
+    same(small.panoramas[0], cvkern.stitch(images, scale=0.1)[0])
+    assert not (large / "journal").exists()

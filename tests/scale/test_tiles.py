@@ -172,6 +172,15 @@ def test_arrays_of_zarr(tmp_path):
     same(target[:], cvkern.canny(image, 2))
 
 
+def test_images_of_pyvips():
+    pyvips = pytest.importorskip("pyvips")
+    color = skimage.data.astronaut()[:90, :130]
+    for image, axis in ((color, -1), (color[..., 0], None)):
+        source = pyvips.Image.new_from_array(image)
+        got = apply("median", source, tile=40, channel_axis=axis)
+        same(got, cvkern.median(image, channel_axis=axis))
+
+
 def test_colours_and_masks(backend):
     color = skimage.data.astronaut()[:90, :130]
     mask = np.random.default_rng(1).random(color.shape[:2]) > 0.01
@@ -254,6 +263,45 @@ def test_a_killed_run_goes_on(tmp_path):
     same(np.load(target), want)
     assert want.any()
     assert not journal.exists()
+
+
+class Changing:
+    """An image that another program replaces after some windows were read."""
+
+    shape, dtype = (61, 97), np.dtype(np.uint8)
+
+    def __init__(self, later):
+        self.later, self.read = later, 0
+
+    def __getitem__(self, window):
+        self.read += 1
+        return (noise() if self.read < 4 else self.later)[window]
+
+
+@pytest.mark.parametrize("name", ["box", "canny", "hough_line"])
+@pytest.mark.parametrize("later", [np.zeros((61, 70), np.uint8), np.zeros((9, 9, 97), np.uint8)])
+def test_a_source_that_changes_its_size(name, later):
+    with pytest.raises(ValueError, match="source must keep its shape, got"):
+        apply(name, Changing(later), tile=30)
+
+
+def test_a_file_that_becomes_shorter(tmp_path):
+    np.save(tmp_path / "in.npy", noise())
+    source = np.load(tmp_path / "in.npy", mmap_mode="r")
+    os.truncate(tmp_path / "in.npy", 4096)
+    with pytest.raises(ValueError, match="source must keep its size, got a file of 4096 bytes"):
+        apply("box", source)
+
+
+def test_a_target_that_is_read(tmp_path):
+    image = noise()
+    source = np.lib.format.open_memmap(tmp_path / "in.npy", "w+", np.uint8, image.shape)
+    again = np.load(tmp_path / "in.npy", mmap_mode="r+")
+    for one, other in ((image, image), (image[:, ::-1], image), (source, again)):
+        with pytest.raises(ValueError, match="target must not be source"):
+            apply("median", one, other, tile=30)
+    both = np.zeros((2, 61, 97), np.uint8)
+    apply("median", both[0], both[1], tile=30)
 
 
 @pytest.mark.parametrize(

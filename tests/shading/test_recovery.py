@@ -85,6 +85,22 @@ def test_a_solver_ends_where_only_rounding_errors_are_left(monkeypatch):
     assert max(steps) < 40
 
 
+def test_scattered_pixels_end_in_time(monkeypatch):
+    """Coarse levels do not show their thin bridges, so that each solution would take many steps."""
+    steps = []
+    solve = Solver.solve
+    monkeypatch.setattr(Solver, "solve", lambda *given: steps.append(solve(*given)))
+    rng = np.random.default_rng(1)
+    image, known = rng.random((64, 70)), rng.normal((0, 0, 1), 0.3, (64, 70, 3))
+    known[rng.random((64, 70)) < 0.9] = np.nan
+    mask = rng.random((64, 70)) < 0.6
+    cvkern.shape_from_shading(image, (0, 0, 1), mask=mask, boundary=known, rounds=4)
+    assert len(steps) == 5
+    assert 40 < steps[0] < 400  # the first is solved
+    assert max(steps[1:-1]) == 40
+    assert 0 < steps[-1] < 400  # and so is the last
+
+
 def test_a_sweep(kernels):
     """The mean of those around, with z of length 1, and then the nearest of the cone."""
     rng = np.random.default_rng(0)

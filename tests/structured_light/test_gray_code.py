@@ -31,6 +31,7 @@ def test_neighbouring_lines_differ_in_one_bit(count, bits):
 @pytest.mark.parametrize("axes", [["columns"], ["rows"], ["columns", "rows"], ["rows", "columns"]])
 def test_the_projector_reads_its_own_patterns(backend, shape, axes):
     seen = cvkern.gray_code_patterns(shape, axes=axes)
+    assert seen.flags.c_contiguous
     found = cvkern.decode_gray_code(seen, shape, axes=axes, margin=100)
     rows, columns = np.indices(shape)
     for name, want in (("columns", columns), ("rows", rows)):

@@ -66,6 +66,7 @@ def test_noise_is_that_of_the_bound(backend):
     shape, frequencies, steps, sigma = (200, 640), (1, 8, 64), 4, 5.0
     rng = np.random.default_rng(7)
     pattern = cvkern.phase_shift_patterns(shape, frequencies, steps, axes=["columns"])
+    assert pattern.flags.c_contiguous
     seen = pattern * F32(0.8) + rng.normal(0, sigma, pattern.shape).astype(F32)
     found = cvkern.decode_phase_shift(seen, shape, frequencies, steps, axes=["columns"])
     off = found.columns - np.arange(shape[1])
@@ -82,6 +83,28 @@ def test_a_projectors_gamma_is_undone(backend):
         found = cvkern.decode_phase_shift(lights, shape, (1, 10), 3)
         off = np.abs(found.columns - np.arange(200)).max()
         assert (off < 0.1) == (gamma == 2.2)  # three steps cannot cancel the second harmonic
+
+
+def test_a_projectors_table_is_undone():
+    """One that is black below a value, white above another, and bent between."""
+    rise = np.linspace(-0.2, 1.1, 256).clip(0, 1)
+    table = 7 + 90 * (rise**2.2 + 0.5 * rise)
+    patterns = cvkern.phase_shift_patterns((8, 200), (1, 10), 3, gamma=table)
+    found = cvkern.decode_phase_shift(table[patterns], (8, 200), (1, 10), 3)
+    # Light is off by half a step of the table, at most 0.011 of the amplitude: 0.011 radians.
+    assert np.abs(found.columns - np.arange(200)).max() < 0.011 / (2 * np.pi) * 200 / 10
+    one, other = (
+        cvkern.phase_shift_patterns((8, 200), gamma=g).astype(int) for g in (1.0, np.arange(256))
+    )
+    assert np.abs(one - other).max() <= 1  # light in the middle of two values is that of either
+    assert (one == other).mean() > 0.8
+    for wrong, message in (
+        (np.ones(255), r"gamma must be a number or have shape \(256,\), got \(255,\)"),
+        (np.ones(256), "gamma must be finite and rise, got a table that does not"),
+        (table[::-1], "gamma must be finite and rise, got a table that does not"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            cvkern.phase_shift_patterns((8, 200), gamma=wrong)
 
 
 def test_the_threshold_is_a_share_of_the_brightest(backend):

@@ -33,8 +33,11 @@ REFUSED = [
     (ValueError, "angle must be finite, got nan", cvkern.rotate, (IMAGE, np.nan), {}),
     (ValueError, "corners must be (4, 2) finite numbers, got shape (3, 2)",
      cvkern.rectify_plane, (IMAGE, np.zeros((3, 2)), (3, 3)), {}),
-    (ValueError, "corners must be four points, no three on a line, got others",
-     cvkern.rectify_plane, (IMAGE, [(0, 0), (0, 1), (0, 2), (3, 3)], (3, 3)), {}),
+    *((ValueError,
+       "corners must go round a quadrilateral without a dent, no three on a line, got others",
+       cvkern.rectify_plane, (IMAGE, corners, (3, 3)), {})
+      for corners in ([(0, 0), (0, 1), (0, 2), (3, 3)], [(0, 0), (3, 3), (0, 3), (3, 0)],
+                      [(0, 0), (0, 3), (1, 1), (3, 0)])),
     (ValueError, "downscale must be > 1, got 1", cvkern.pyramid_gaussian, (IMAGE, 1, 1), {}),
     (ValueError, "max_layer must be in [-1, 65536], got -2", cvkern.pyramid_laplacian,
      (IMAGE, -2), {}),

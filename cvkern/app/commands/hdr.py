@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -48,6 +47,7 @@ def hdr(
     With `--tone fuse` no times are needed.
     """
     from cvkern.images.files import read_image, write_image
+    from cvkern.raw.exposures import check_order
 
     if not folder.is_dir():
         raise ValueError(f"FOLDER must be a folder, got {str(folder)!r}")
@@ -69,7 +69,8 @@ def hdr(
             shown = np.rint(picture * 255).astype(np.uint8)
         else:
             times = _times(seconds, folder, paths)
-            _check_order(times, images)
+            if len(times) == len(images):
+                check_order(np.array(times), images)
             merged = cvkern.merge_exposures(images, times)
             linear = cvkern.tone_map(merged, tone)
             colours = linear if linear.ndim == 3 else np.stack([linear] * 3, axis=-1)
@@ -90,17 +91,6 @@ def _check_alike(paths: list[Path], images: list[np.ndarray]) -> None:
     for path, shape in zip(paths, shapes, strict=True):
         if shape != usual:
             raise ValueError(f"images must have one shape, {usual}, got {shape} of {path.name}")
-
-
-def _check_order(times: list[float], images: Sequence[np.ndarray]) -> None:
-    """Refuse times in the wrong order: with them, longer exposures are darker more often."""
-    if len(times) == len(images):
-        means = np.array([np.mean(image) for image in images])[np.argsort(times, kind="stable")]
-        if np.sum(np.diff(means) < 0) > np.sum(np.diff(means) > 0):
-            raise ValueError(
-                "seconds must be in the order of the names: longer exposures are darker with "
-                f"{', '.join(f'{time:g}' for time in times)}"
-            )
 
 
 def _taken(path: Path) -> float | None:

@@ -22,6 +22,7 @@ from cvkern.app.commands import (
 
 RESULTS = ("normals.png", "albedo.png", "depth.tif", "mesh.ply", "relit.gif")
 LIGHTS = ("lights.txt", "light_directions.txt")
+STRENGTHS = "light_intensities.txt"
 FRAMES = 36  # pictures of one turn of the light
 SLANT = 0.8  # tangent of the angle between the light of the film and the view
 BRIGHT = 99.0  # percentile of albedo that is shown as white
@@ -51,7 +52,9 @@ def relief(
     The images of FOLDER are read in the order of their names, and must be linear in light. An image
     with "mask" in its name is the body's mask. Lights come from --lights, from a chrome sphere
     under the same lights, from lights.txt or light_directions.txt in FOLDER, or else from the
-    images themselves. Lights are x to the right, y up and z towards the camera. DIR gets
+    images themselves. Lights are x to the right, y up and z towards the camera. If there is a
+    light_intensities.txt beside their file, with one number or red, green and blue for each light,
+    their lengths are multiplied by it. DIR gets
     normals.png (x, y and z as red, green and blue), albedo.png, depth.tif (pixels, growing away
     from the camera), mesh.ply, and relit.gif, a film of the body under a moving light.
     """
@@ -128,11 +131,26 @@ def _lights(
     chosen = lights or (beside[0] if beside else None)
     if chosen is None:
         return cvkern.estimate_lights(images, mask=inside), "of the images themselves"
+    vectors, said = _table(chosen, "x y z"), f"of {chosen}"
+    strengths = chosen.with_name(STRENGTHS)
+    if strengths == chosen or not strengths.exists():
+        return vectors, said
+    powers = _table(strengths, "one number, or red green blue")
+    if len(powers) != len(vectors) or powers.shape[1] not in (1, 3):
+        raise ValueError(
+            f"{STRENGTHS} must have {len(vectors)} lines of 1 or 3 numbers, got {powers.shape}"
+        )
+    if powers.shape[1] == 3:
+        powers = as_gray(powers[None])[0, :, None]  # weights of colours as in the images
+    return vectors * powers, f"{said} and {STRENGTHS}"
+
+
+def _table(file: Path, what: str) -> np.ndarray:
+    """Return the numbers of a text file, a row for each line."""
     try:
-        vectors = np.loadtxt(chosen, delimiter="," if "," in chosen.read_text() else None, ndmin=2)
+        return np.loadtxt(file, delimiter="," if "," in file.read_text() else None, ndmin=2)
     except ValueError as error:
-        raise ValueError(f"lights must be lines of x y z, got {str(chosen)!r}: {error}") from None
-    return vectors, f"of {chosen}"
+        raise ValueError(f"lights must be lines of {what}, got {str(file)!r}: {error}") from None
 
 
 def _results(

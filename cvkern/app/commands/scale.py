@@ -70,12 +70,15 @@ def _image(
 ) -> list[Path]:
     """Write the results of one image; return their files."""
     from cvkern.scale import apply, halo
-    from cvkern.scale.targets import opened, target_of
+    from cvkern.scale.engines import with_channels
+    from cvkern.scale.sources import opened
+    from cvkern.scale.targets import target_of
     from cvkern.scale.tiles import results_of
 
     check_apart((source,), target=target)
     journal = target.with_name(target.name + ".journal")
     image = opened(source)
+    options = with_channels(getattr(cvkern, function, None), image.shape, options)
     with cvkern.use(backend=backend, device=device):
         halo(function, **options)  # refuses what does not work tile by tile
         names, shapes, dtypes = results_of(function, image, **options)

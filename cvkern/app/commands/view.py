@@ -16,6 +16,10 @@ from cvkern.app.viewer.server import HOST, PORT, Page
 if TYPE_CHECKING:
     from cvkern.radiance import Model
 
+MAPS = ".npy", ".tif", ".tiff"  # files of floats
+Camera = tuple[float, float, float]
+"""Focal length, baseline and difference of principal points."""
+
 Host = Annotated[
     str, typer.Option(help="Address to listen on; 0.0.0.0 for every machine that reaches this one.")
 ]
@@ -32,6 +36,15 @@ def view(
     ],
     host: Host = HOST,
     port: Port = PORT,
+    focal: Annotated[
+        float | None, typer.Option(help="Focal length in pixels; the map holds disparities.")
+    ] = None,
+    baseline: Annotated[
+        float | None, typer.Option(help="Distance between the cameras; depth has its unit.")
+    ] = None,
+    doffs: Annotated[
+        float, typer.Option(help="Right principal point minus the left one, pixels.")
+    ] = 0.0,
     record: Annotated[
         Path | None,
         typer.Option(help="Write a recording for rerun, .rrd, and open no page."),
@@ -44,25 +57,33 @@ def view(
 
     A photograph has sliders for the parameters of edges, segments and circles. A radiance field is
     rendered from where you stand, coarsely while you move. A map of depths or disparities, an image
-    of floating-point numbers, tells the value where you click. Only this machine sees the page,
-    unless --host says otherwise; nothing but FILE is served. Needs viser; --record needs rerun.
+    of floating-point numbers, tells the value where you click; with --focal and --baseline, the
+    depth of a disparity too. Only this machine sees the page, unless --host says otherwise; nothing
+    but FILE is served. Needs viser; --record needs rerun.
     """
     if not file.is_file():
         raise FileNotFoundError(f"file must be one that exists, got {str(file)!r}")
+    if (focal is None) != (baseline is None):
+        raise ValueError(f"focal must be given with baseline, got {focal} and {baseline}")
+    camera = None if focal is None or baseline is None else (focal, baseline, doffs)
+    if camera is not None and not (file.suffix in MAPS and _is_map(_values(file))):
+        raise ValueError(f"focal must go with a map of disparities, got {str(file)!r}")
     with cvkern.use(backend=backend, device=device):
         if record is not None:
             if record.suffix != ".rrd":
                 raise ValueError(f"record must end in .rrd, got {str(record)!r}")
             check_new(record, "record", overwrite)
-            _record(file, record)
+            _record(file, record, camera)
             typer.echo(str(record))
             return
-        page, serve = _page(file, host, port)
+        page, serve = _page(file, host, port, camera)
         typer.echo(f"{page.address}: open it in a browser; Ctrl-C ends")
         page.wait(serve)
 
 
-def _page(file: Path, host: str, port: int) -> tuple[Page, Callable[[], bool]]:
+def _page(
+    file: Path, host: str, port: int, camera: Camera | None
+) -> tuple[Page, Callable[[], bool]]:
     """Open the page of a file; return it, and what serves it."""
     model = _model(file)
     if model is not None:
@@ -79,7 +100,8 @@ def _page(file: Path, host: str, port: int) -> tuple[Page, Callable[[], bool]]:
 
     values = _values(file)
     if _is_map(values):
-        return map_page(values, host, port), lambda: False
+        depth = None if camera is None else cvkern.disparity_to_depth(values, *camera)
+        return map_page(values, host, port, depth), lambda: False
     photograph = PhotographPage(values, host, port)
     return photograph.page, photograph.serve
 
@@ -99,8 +121,8 @@ def _model(file: Path) -> Model | None:
     return None
 
 
-def _record(file: Path, target: Path) -> None:
-    """Write a recording of a file."""
+def _record(file: Path, target: Path, camera: Camera | None) -> None:
+    """Write a recording of a file; of disparities with a camera, their depth."""
     from cvkern.app.viewer.recordings import Recording
 
     recording = Recording(target)
@@ -113,6 +135,8 @@ def _record(file: Path, target: Path) -> None:
         recording.cloud(*read_ply(file))
     else:
         values = _values(file)
+        if camera is not None:
+            values = cvkern.disparity_to_depth(values, *camera)
         (recording.map if _is_map(values) else recording.photograph)(values)
     recording.save()
 
@@ -121,7 +145,12 @@ def _values(file: Path) -> np.ndarray:
     """Read a photograph, or a map."""
     from cvkern.images import read_image
 
-    return np.load(file, allow_pickle=False) if file.suffix == ".npy" else read_image(file)
+    if file.suffix != ".npy":
+        return read_image(file)
+    try:
+        return np.load(file, allow_pickle=False)
+    except (ValueError, EOFError) as error:  # an empty file has the last one
+        raise ValueError(f"file must be an array of NumPy, got {str(file)!r}: {error}") from error
 
 
 def _is_map(values: np.ndarray) -> bool:

@@ -90,8 +90,13 @@ class PhotographPage:
         return self.picture, "the photograph"
 
 
-def map_page(values: np.ndarray, host: str = HOST, port: int = PORT) -> Page:
-    """Show a map of depths or disparities in colours; a click tells the value there."""
+def map_page(
+    values: np.ndarray, host: str = HOST, port: int = PORT, depth: np.ndarray | None = None
+) -> Page:
+    """Show a map of depths or disparities in colours; a click tells the value there.
+
+    With the `depth` of disparities, it tells that too.
+    """
     page = Page(host, port)
     picture = apply_colormap(values)
     text = page.server.gui.add_markdown("Click on a pixel to see its value.")
@@ -104,7 +109,8 @@ def map_page(values: np.ndarray, host: str = HOST, port: int = PORT) -> Page:
         x, y = event.screen_pos
         row, column = int(y * height) - top, int(x * width) - left
         if 0 <= row < rows and 0 <= column < columns:
-            text.content = f"row {row}, column {column}: **{values[row, column]:.6g}**"
+            far = "" if depth is None else f", depth **{depth[row, column]:.6g}**"
+            text.content = f"row {row}, column {column}: **{values[row, column]:.6g}**{far}"
 
     return page
 

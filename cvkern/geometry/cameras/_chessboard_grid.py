@@ -21,6 +21,7 @@ LEAST_BETWEEN = 0.12  # sine of twice the angle between an edge and those axes
 MOST_STRENGTH = np.log(3.0)  # logarithm of the ratio of neighbours' strengths
 MOST_BENT = 0.35  # share of the spacing that lenses bend a corner off the plane of the others
 LEAST_KNOWN = 0.7  # share of a grid's corners that must be found before the rest is looked for
+MOST_BESIDE = 0.5  # share of a line of corners beside a board, which then has this line as well
 MOST_GAP = 0.3  # share of the spacing that such a corner may be off
 GUESSED_FROM = 12  # known corners that tell where one is missing
 
@@ -80,12 +81,15 @@ def _apart(saddles: Saddles) -> Saddles:
 def grids(saddles: Saddles, smooth: np.ndarray) -> list[dict[tuple[int, int], int]]:
     """Return the connected grids among saddles, the largest first: which is at (row, column)."""
     links = neighbours(saddles, smooth)
-    left, found = set(range(len(links))), []
-    # Each round takes out `start` at least.
-    while left:
-        start = min(left)
-        grid = _grown(links, start)
-        left -= set(grid.values()) | {start}
+    # The ray of the other corner that leads back.
+    own = np.arange(len(links))[:, None, None]
+    back = (links[links] == own).argmax(axis=2).tolist()
+    seen, found, table = set(), [], links.tolist()
+    for start in np.flatnonzero((links >= 0).any(axis=1)).tolist():
+        if start in seen:
+            continue
+        grid = _grown(table, back, start)
+        seen.update(grid.values())
         if len(grid) > 3:
             found.append(grid)
     return sorted(found, key=len, reverse=True)
@@ -148,7 +152,7 @@ def _edges(
     return np.min(steps, axis=0) > LEAST_STEP * np.abs(steps).max(axis=0)
 
 
-def _grown(links: np.ndarray, start: int) -> dict[tuple[int, int], int]:
+def _grown(links: list[list[int]], back: list[list[int]], start: int) -> dict[tuple[int, int], int]:
     """Walk from one corner to all that are joined with it; what fits nowhere is left out.
 
     A corner is known with its ray along the rows; rows, columns follow each other as angles grow,
@@ -160,14 +164,14 @@ def _grown(links: np.ndarray, start: int) -> dict[tuple[int, int], int]:
     waiting = [(start, (0, 0), 0)]
     for corner, (i, j), ray in waiting:
         for turn, (di, dj) in enumerate(steps):
-            other = int(links[corner, (ray + turn) % 4])
+            along = (ray + turn) % 4
+            other = links[corner][along]
             place = (i + di, j + dj)
             if other < 0 or other in seen or place in grid:
                 continue
-            back = int(np.flatnonzero(links[other] == corner)[0])
             grid[place] = other
             seen.add(other)
-            waiting.append((other, place, (back - turn - 2) % 4))
+            waiting.append((other, place, (back[corner][along] - turn - 2) % 4))
     return grid
 
 
@@ -182,6 +186,8 @@ def found_board(
     A few corners may be missing: they are looked for where their neighbours say. There must be one
     board of that shape in the grid, not several that overlap.
     """
+    if len(grid) < LEAST_KNOWN * shape[0] * shape[1]:
+        return None
     keys = np.array(list(grid))
     low = keys.min(axis=0)
     spread = keys.max(axis=0) - low + 1
@@ -239,14 +245,25 @@ def _windows(
         return []
     padded = np.pad(table, [(more[0],) * 2, (more[1],) * 2, (0, 0)], constant_values=np.nan)
     known = np.isfinite(padded[..., 0])
+    counts = _sums(known, rows, columns)
+    # The lines of corners beside each part, of which a board has none.
+    around = np.pad(known, 1)
+    flat, tall = _sums(around, 1, columns)[:, 1:-1], _sums(around, rows, 1)[1:-1]
+    level = np.maximum(flat[: len(counts)], flat[rows + 1 :])
+    upright = np.maximum(tall[:, : counts.shape[1]], tall[:, columns + 1 :])
+    good = (counts >= LEAST_KNOWN * rows * columns) & (level < MOST_BESIDE * columns)
     boards = []
-    for i in range(known.shape[0] - rows + 1):
-        for j in range(known.shape[1] - columns + 1):
-            count = int(known[i : i + rows, j : j + columns].sum())
-            if count >= LEAST_KNOWN * rows * columns:
-                board = _completed(padded[i : i + rows, j : j + columns], smooth)
-                boards += [(count, board)] if board is not None else []
+    for i, j in np.argwhere(good & (upright < MOST_BESIDE * rows)):
+        board = _completed(padded[i : i + rows, j : j + columns], smooth)
+        boards += [(int(counts[i, j]), board)] if board is not None else []
     return boards
+
+
+def _sums(table: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """Return the sum of each part of a table that has so many rows and columns."""
+    total = np.pad(table.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    wide = total[:, columns:] - total[:, :-columns]
+    return wide[rows:] - wide[:-rows]
 
 
 def _completed(board: np.ndarray, smooth: np.ndarray) -> np.ndarray | None:

@@ -15,9 +15,10 @@ from cvkern.hough.lines._support import AIM, codes_of, normal_of, vote_listed
 from cvkern.hough.lines._tables import SUBPIXEL
 from cvkern.kernels.codes.hough import DENSITY, DIRECTION_FACTOR
 
-# Rounds of votes for segments. All rounds together, up to ten, find 1.5 % more segments.
-ROUNDS = 3
-_CHANGES = 0, 1  # times that a point may move to the next line, in each of the fits of a segment
+# Times that a point may move to the next line, in each fit of each round of votes. The second fit
+# of the first round joins the parts of lines that are too long for one bin. On York Urban, a third
+# round would find 0.01 more of the annotated segments.
+_CHANGES = (0, 1), (2,)
 
 
 class Rule(NamedTuple):
@@ -61,7 +62,7 @@ def find_segments(
     segments = [np.zeros((0, 4))]
     number = int(points.shape[0])
     none = rt.send("runs.none", np.full(number, -1, np.int32))
-    for turn in range(ROUNDS):
+    for turn, fits in enumerate(_CHANGES):
         if not number:
             break
         fixed = rt.scratch("runs.fixed", (number, 2), np.int32)
@@ -72,17 +73,17 @@ def find_segments(
         least = DENSITY * rule.min_length
         theta, rho = vote_listed(rt, fixed, count, directions, size, least)
         ends, found = np.zeros((0, 4)), None
-        for changes in _CHANGES:
+        for fit, changes in enumerate(fits, 1):
             found = _supported(rt, edges, theta, rho, rule, changes)
             if not found.number:
                 break
             theta, rho, first = _fitted(rt, edges, found)
-            if changes == _CHANGES[-1]:
+            if fit == len(fits):
                 ends = _ends(rt, edges, found, theta, rho, first)
         if found is None or not found.number:
             break
         segments.append(ends)
-        if turn + 1 < ROUNDS:
+        if turn + 1 < len(_CHANGES):
             points, directions, number = _left(rt, edges, found, turn % 2)
     return np.concatenate(segments)
 

@@ -42,45 +42,6 @@ def clear(
 
 
 @wp.kernel
-def count_rows(
-    slab: int,
-    first: int,
-    last: int,
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    norm: int,
-    level: int,
-    shift: int,
-    width: int,
-    found: wp.array2d[int],  # (2, 2)
-    # outputs
-    counts: wp.array3d[int],  # (slabs, 2, BINS)
-    most: wp.array[int],  # (slabs,)
-):
-    for k in range(counts.shape[2]):
-        counts[slab, 0, k] = 0
-        counts[slab, 1, k] = 0
-    mask = (1 << width) - 1
-    one = found[0, 0]
-    two = found[1, 0]
-    largest = int(0)
-    for y in range(first, last):
-        for x in range(dy.shape[1]):
-            bits = bits_of(dy[y, x], dx[y, x], norm)
-            largest = wp.max(largest, bits)
-            digit = (bits >> shift) & mask
-            if level == 0:
-                counts[slab, 0, digit] = counts[slab, 0, digit] + 1
-            else:
-                above = bits >> (shift + width)
-                if above == one:
-                    counts[slab, 0, digit] = counts[slab, 0, digit] + 1
-                if above == two:
-                    counts[slab, 1, digit] = counts[slab, 1, digit] + 1
-    most[slab] = largest
-
-
-@wp.kernel
 def choose(
     counts: wp.array3d[int],  # (slabs, 2, BINS)
     slabs: int,

@@ -6,6 +6,7 @@ from cvkern.kernels.codes.edges import BINS, DIGITS
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, scratch, slabs
 
 from . import _quantiles as order
+from . import _quantiles_cpu as cpu
 from . import _quantiles_cuda as cuda
 from ._stacks import tall
 
@@ -44,7 +45,7 @@ def find_limits(
             launch(cuda.count_pixels, images * parts * BLOCK, given, [counts, most])
             launch(cuda.choose, 2 * images * BLOCK, [counts, level, width], [found])
         else:
-            launch_slabs(order.count_rows, dy.shape[0], count, given, [counts, most])
+            launch_slabs(cpu.count_rows, dy.shape[0], count, given, [counts, most])
             launch(order.choose, 2, [counts, count, level, width], [found])
     given = [found, most, count // images, norm, strict, share]
     launch(order.finish, 2 * images, given, [limits])

@@ -1,20 +1,16 @@
-"""The set pixels of a mask as a list, on the CPU: one thread per slab of rows, 8 pixels at a time.
+"""The set pixels of a mask as a list, on the CPU: one thread per slab of rows.
 
 There are two passes. A prefix sum of the number of set pixels of each row gives the place of the
-row's points in the list; then each row writes its points. A word of 64 bits holds eight pixels. Let
-L be the word whose bytes are 127. Then the highest bit of each byte of ``(((w & L) + L) | w)``
-tells whether the byte is not 0, and a product with a word whose bytes are 1 counts these bits.
+row's points in the list; then each row writes its points, and skips words of eight empty pixels.
 """
 
 import warp as wp
 
+from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import view
 
 wp.set_module_options({"enable_backward": False})
 
-LOWER = wp.constant(wp.uint64(0x7F7F7F7F7F7F7F7F))
-HIGHEST = wp.constant(wp.uint64(0x8080808080808080))
-ONES = wp.constant(wp.uint64(0x0101010101010101))
 NOTHING = wp.constant(wp.uint64(0))
 
 
@@ -24,32 +20,13 @@ def words(mask: wp.array) -> wp.array:
     return view(mask, wp.uint64, (height, max(width - 7, 0)), (width, 1))
 
 
-@wp.func
-def number_of_set(word: wp.uint64) -> int:
-    """Return the number of the eight bytes that are not 0."""
-    highest = (((word & LOWER) + LOWER) | word) & HIGHEST
-    return int(((highest >> wp.uint64(7)) * ONES) >> wp.uint64(56))
-
-
-@wp.kernel
+@_native.each("_points_cpu.h")
 def count(
-    slab: int,
-    first: int,
-    last: int,
+    y: int,
     mask: wp.array2d[wp.uint8],  # (H, W)
-    words: wp.array2d[wp.uint64],  # (H, W - 7)
     # outputs
     starts: wp.array[int],  # (H + 1,): for now the number in each row, one place later
-):
-    for y in range(first, last):
-        number = int(0)
-        whole = mask.shape[1] // 8 * 8
-        for x in range(0, whole, 8):
-            number += number_of_set(words[y, x])
-        for x in range(whole, mask.shape[1]):
-            if mask[y, x] != wp.uint8(0):
-                number += 1
-        starts[y + 1] = number
+): ...
 
 
 @wp.kernel

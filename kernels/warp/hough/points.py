@@ -19,8 +19,7 @@ def count(mask: wp.array, starts: wp.array) -> None:
         launch(cuda.add_up, cuda.BLOCK, [], [starts])
         return
     height = mask.shape[0]
-    inputs = [mask, cpu.words(mask)]
-    launch_slabs(cpu.count, height, slabs(height, mask.size), inputs, [starts])
+    launch_slabs(cpu.count, height, slabs(height, mask.size), [mask], [starts])
     launch(cpu.add_up, 1, [], [starts])
 
 

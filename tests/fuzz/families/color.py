@@ -44,7 +44,11 @@ CALLS: dict[str, Call] = {
     "convert_color": Call(
         cvkern.convert_color,
         {"image": three, "source": SPACES, "target": SPACES},
-        {"white": maybe(LIGHTS), "dtype": one("float32", "uint8", "float64", np.uint16)},
+        {
+            "adapt": maybe(one(("A", "D65"), ["D50", (0.9, 1, 1.1)], "A", ("A",), ("A", "none"))),
+            "white": maybe(LIGHTS),
+            "dtype": one("float32", "uint8", "float64", np.uint16),
+        },
         equal=False,
     ),
     "deltaE_ciede2000": Call(

@@ -27,8 +27,8 @@ def heap(draw: Draw) -> Any:
     if draw.odd(0.5):
         return several(image if draw.odd(0.7) else channels, 0, 3)(draw)
     coarse = draw.rng.random((12, 22))
-    wide = np.kron(coarse, np.ones((8, 8)))
-    parts = [wide[:, :130], wide[:, 40:]]
+    wide = np.kron(coarse, np.ones((5, 5)))
+    parts = [wide[:, :82], wide[:, 25:]]
     if draw.odd(0.3):
         parts = [np.repeat(part[..., None], 3, 2) for part in parts]
     return [(255 * part).astype(draw.pick(["uint8", "float32"])) for part in parts]
@@ -72,11 +72,11 @@ def photographs(draw: Draw) -> Any:
     """Return two photographs of one texture at two depths, or images that share nothing."""
     if draw.odd(0.5):
         return several(image if draw.odd(0.7) else channels, 0, 3)(draw)
-    near, far = (np.kron(draw.rng.random((9, 16)), np.ones((7, 7))) for _ in range(2))
+    near, far = (np.kron(draw.rng.random((9, 16)), np.ones((5, 5))) for _ in range(2))
     views = []
     for shift in (0, 4):
         view = np.roll(far, shift, 1)
-        view[20:44, 30:80] = np.roll(near, 3 * shift, 1)[20:44, 30:80]
+        view[14:31, 21:57] = np.roll(near, 3 * shift, 1)[14:31, 21:57]
         views.append((255 * view).astype(draw.pick(["uint8", "float32"])))
     return views
 
@@ -96,7 +96,7 @@ def first(draw: Draw) -> Any:
     """Return a texture, or any image."""
     if draw.odd(0.3):
         return (image if draw.odd(0.6) else channels)(draw)
-    return (255 * np.kron(draw.rng.random((9, 14)), np.ones((8, 8)))).astype("uint8")
+    return (255 * np.kron(draw.rng.random((9, 14)), np.ones((5, 5)))).astype("uint8")
 
 
 RANGE: dict[str, Maker] = {"data_range": maybe(number(0.5, 300))}

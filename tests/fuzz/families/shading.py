@@ -113,12 +113,11 @@ CALLS: dict[str, Call] = {
     "lights_from_sphere": Call(cvkern.lights_from_sphere, {"images": images, "mask": mask}, {}),
     "shape_from_shading": Call(
         cvkern.shape_from_shading,
-        {"image": image, "light": lamp},
+        {"image": image, "light": lamp, "rounds": whole(0, 5)},
         {
             "mask": maybe(mask),
             "boundary": maybe(normals),
             "albedo": one_of(number(0, 1), image),
-            "rounds": whole(0, 5),
         },
         equal=False,
     ),

@@ -35,9 +35,9 @@ def view(draw: Draw) -> Any:
     """Return one view of a slanted wall, or any image."""
     if draw.odd(0.1):
         return colour(draw)
-    wall = np.kron(np.random.default_rng(draw.salt).random((16, 30)), np.ones((6, 6)))
-    begin = int(draw.pick([0, 4, 9, 30]))
-    return (255 * wall[:, begin : begin + 128]).astype(draw.pick(["uint8", "uint8", "uint16"]))
+    wall = np.kron(np.random.default_rng(draw.salt).random((16, 30)), np.ones((4, 4)))
+    begin = int(draw.pick([0, 3, 6, 20]))
+    return (255 * wall[:, begin : begin + 85]).astype(draw.pick(["uint8", "uint8", "uint16"]))
 
 
 def side(draw: Draw) -> Any:

@@ -17,6 +17,7 @@ from tests.fuzz.arguments import (
     maybe,
     number,
     one,
+    one_of,
     whole,
 )
 from tests.fuzz.families.cameras import CAMERA, FIXED
@@ -143,7 +144,12 @@ CALLS: dict[str, Call] = {
     "phase_shift_patterns": Call(
         cvkern.phase_shift_patterns,
         {"shape": size},
-        {**PATTERNS, "frequencies": FREQUENCIES, "steps": STEPS, "gamma": number(0.3, 3)},
+        {
+            **PATTERNS,
+            "frequencies": FREQUENCIES,
+            "steps": STEPS,
+            "gamma": one_of(number(0.3, 3), one(np.arange(256) ** 1.5, np.zeros(256))),
+        },
     ),
     "decode_gray_code": Call(
         cvkern.decode_gray_code,

@@ -6,7 +6,8 @@ import pytest
 import cvkern
 from cvkern.radiance import fit, make_scene
 from cvkern.radiance.trainer import SHARE, Trainer
-from cvkern.radiance.training import Wild, _begin
+from cvkern.radiance.training import _begin
+from cvkern.radiance.wild.options import Wild
 from tests.radiance.runs import FIELDS, TINY
 
 TAME = Wild(None, None, False, False)

@@ -11,9 +11,11 @@ import warp as wp
 
 from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp.hough._points_cpu import HIGHEST, LOWER
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+LOWER = wp.constant(wp.uint64(0x7F7F7F7F7F7F7F7F))  # all bits of eight bytes but the highest
+HIGHEST = wp.constant(wp.uint64(0x8080808080808080))
 
 LANES = 512  # pixels added at once
 TOGETHER = wp.constant(wp.uint64(0x0102040810204080))  # factor that collects 8 bits in one byte

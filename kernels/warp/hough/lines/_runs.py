@@ -1,5 +1,6 @@
 """Points along lines, cut into runs at gaps, on every device; one thread per point or run on CUDA.
 
+On the CPU, _runs_cpu.py has in one what the kernels from `place` to `mark` do one after the other.
 Positions along a line are float64 without fused multiply-adds, so they have the same bits on every
 device.
 """

@@ -9,15 +9,15 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
+
+from . import _peaks_cpu as cpu
 
 wp.set_module_options({"enable_backward": False})
 
 
-def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
-    """Return the kernels, for the CPU and for CUDA, for values of one type."""
-    vector = wp.types.vector(WIDE, scalar)
+def _maxima(scalar: Any) -> wp.Kernel:
+    """Return the kernel for values of one type on CUDA."""
 
     @wp.func
     def is_maximum(
@@ -49,33 +49,6 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
         return True
 
     @wp.kernel
-    def maxima_of_rows(
-        slab: int,
-        first: int,
-        last: int,
-        values: wp.array2d[scalar],  # (R, T)
-        wide: wp.array2d[vector],  # (R, N - 63), rows of N >= T values
-        threshold: scalar,
-        min_distance: int,
-        min_angle: int,
-        wraps: bool,
-        # outputs
-        mask: wp.array2d[wp.uint8],  # (R, T), 0
-    ):
-        angles = values.shape[1]
-        for bin in range(first, last):
-            for begin in range(0, angles, WIDE):
-                # Few values are above the threshold: skip a vector without any.
-                votes = wide[bin, wp.min(begin, wide.shape[1] - 1)]
-                some = int(0)
-                for k in range(WIDE):
-                    some = some | int(votes[k] > threshold)
-                for angle in range(begin, wp.where(some != 0, wp.min(begin + WIDE, angles), begin)):
-                    if values[bin, angle] > threshold:
-                        if is_maximum(values, bin, angle, min_distance, min_angle, wraps):
-                            mask[bin, angle] = wp.uint8(1)
-
-    @wp.kernel
     def maxima(
         values: wp.array2d[scalar],  # (R, T)
         threshold: scalar,
@@ -93,7 +66,7 @@ def _maxima(scalar: Any) -> tuple[wp.Kernel, wp.Kernel]:
             found = is_maximum(values, bin, angle, min_distance, min_angle, wraps)
         mask[bin, angle] = wp.where(found, wp.uint8(1), wp.uint8(0))
 
-    return maxima_of_rows, maxima
+    return maxima
 
 
 @wp.kernel
@@ -125,17 +98,14 @@ def local_maxima(
     mask: wp.array,
 ) -> None:
     """Mark values above the threshold that are the first largest in their window."""
-    of_rows, of_elements = _maxima_of[values.dtype]
     limit = int(threshold) if values.dtype is wp.int32 else float(threshold)
-    options = [limit, min_distance, min_angle, wraps]
+    inputs = [values, limit, min_distance, min_angle, wraps]
     if values.device.is_cuda:
-        launch(of_elements, values.size, [values, *options], [mask])
+        launch(_maxima_of[values.dtype], values.size, inputs, [mask])
         return
-    mask.zero_()
-    wide = vectors(padded(values, "maxima.values", WIDE), wp.types.vector(WIDE, values.dtype))
     count = slabs(values.shape[0], values.size)
     count = min(4 * count, values.shape[0]) if count > 1 else 1  # maxima gather in few rows
-    launch_slabs(of_rows, values.shape[0], count, [values, wide, *options], [mask])
+    launch_slabs(cpu.maxima[values.dtype], values.shape[0], count, inputs, [mask])
 
 
 def take(values: wp.array, bins: wp.array, taken: wp.array) -> None:

@@ -1,12 +1,13 @@
-"""Points along lines, cut into runs at gaps, in Warp; _runs.py has the kernels."""
+"""Points along lines, cut into runs at gaps, in Warp."""
 
 import warp as wp
 
 from cvkern.kernels.codes.hough import DENSITY, PARTIAL
-from cvkern.kernels.warp._launch import current_stream, launch_each, scratch
+from cvkern.kernels.warp._launch import current_stream, launch_each, launch_slabs, scratch
 from cvkern.kernels.warp._sums import scan
 
 from . import _runs as each
+from . import _runs_cpu as cpu
 
 
 def prepare(
@@ -35,8 +36,16 @@ def cut(
     """
     max_gap, least = limits
     number, none, device = points.shape[0], 2 * lines.shape[1], points.device
-    keys = scratch("runs.keys", (2 * number,), wp.int64, device)
     along = scratch("runs.along", (number,), wp.float64, device)
+    if not device.is_cuda:
+        sorting = cpu.Sorting()
+        sorting.order, sorting.runs, sorting.along = order, runs, along
+        sorting.groups = scratch("runs.groups", (2 * number,), wp.int32, device)
+        sorting.counts = scratch("runs.counts", (max(cpu.DIGITS, none),), wp.int32, device)
+        given = [points, codes, labels, lines, normals, wp.vec3d(max_gap, least, DENSITY), sorting]
+        launch_slabs(cpu.cut, 1, 1, given, [chosen, total])
+        return
+    keys = scratch("runs.keys", (2 * number,), wp.int64, device)
     placed = scratch("runs.sorted", (number,), wp.float64, device)
     ranks = scratch("runs.ranks", (number,), wp.int32, device)
     places = scratch("runs.places", (number,), wp.int32, device)
@@ -103,12 +112,9 @@ def _launch(kernel: wp.Kernel, items: wp.array, inputs: list, outputs: list) -> 
 
 
 def _sort(keys: wp.array, order: wp.array, number: int, bits: int) -> None:
-    """Sort by the lower bits of keys; equal keys stay in their order.
+    """Sort by the lower bits of keys on CUDA; equal keys stay in their order.
 
     Arrays have room for twice the number.
     """
-    if keys.device.is_cuda:
-        with wp.ScopedStream(current_stream(keys.device), sync_enter=False):
-            wp.utils.radix_sort_pairs(keys, order, number, end_bit=bits)
-    else:
+    with wp.ScopedStream(current_stream(keys.device), sync_enter=False):
         wp.utils.radix_sort_pairs(keys, order, number, end_bit=bits)

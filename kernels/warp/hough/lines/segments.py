@@ -1,8 +1,5 @@
 """The line that a point belongs to, in Warp: a thread takes a slab of points (CPU), or a point."""
 
-import math
-
-import numpy as np
 import warp as wp
 
 from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, scratch, slabs
@@ -10,9 +7,6 @@ from cvkern.kernels.warp._zeros import clear
 
 from . import _segments_cpu as cpu
 from . import _segments_cuda as cuda
-
-_SIDE = 32  # pixels: smallest side of a tile
-_MOST_TILES = 40  # tiles along the longer side of an image
 
 
 def claim(
@@ -41,29 +35,16 @@ def claim(
         launch(cuda.find_near, tiles * BLOCK, [lines, distance, extent], [near, counts])
         launch(cuda.claim, number, [*inputs, extent, near, counts], [labels])
         return
-    tiles = _tiles_of(points)
-    rows = tiles.starts.shape[0] - 1
-    count = slabs(rows, number * lines.shape[1])
-    if count > 1:  # edges cluster in parts of an image; smaller slabs balance the threads
-        count = min(4 * count, rows)
-    tiles.near = scratch("claim.near", (count, lines.shape[1] + 1), wp.int32, points.device)
-    launch_slabs(cpu.claim, rows, count, [*inputs, tiles], [labels])
-
-
-def _tiles_of(points: wp.array) -> cpu.Tiles:
-    """Sort points into tiles."""
-    place = points.numpy()
-    side = max(_SIDE, math.ceil(place.max() / _MOST_TILES))
-    # Conversion to integers rounds towards 0, so points just outside belong to the first tiles.
-    at = (place * np.float32(1 / side)).astype(np.uint16)
-    across = int(at[:, 1].max()) + 1
-    tile = at[:, 0] * np.uint16(across) + at[:, 1]
-    starts = np.concatenate(([0], np.cumsum(np.bincount(tile)))).astype(np.int32)
+    device, room = points.device, -(-lines.shape[1] // cpu.LANES) * cpu.LANES
+    # Slabs are shares of the points; smaller ones balance the threads.
+    count = slabs(number, number * lines.shape[1])
+    count = min(4 * count, number) if count > 1 else 1
     tiles = cpu.Tiles()
-    tiles.side, tiles.across = float(side), across
-    # NumPy sorts 16-bit numbers by their digits.
-    order = np.argsort(tile, kind="stable").astype(np.int32)
-    tiles.order, tiles.starts = (
-        wp.array(a, dtype=wp.int32, device=points.device, copy=False) for a in (order, starts)
-    )
-    return tiles
+    tiles.order = scratch("claim.order", (number,), wp.int32, device)
+    tiles.starts = scratch("claim.starts", ((cpu.MOST_TILES + 1) ** 2 + 1,), wp.int32, device)
+    tiles.frame = scratch("claim.frame", (3,), wp.int32, device)
+    lists = count, cpu.SECTORS, cpu.COLUMNS * room
+    tiles.near = scratch("claim.near", lists, wp.float32, device)
+    places = scratch("claim.places", (number,), wp.int32, device)
+    launch_slabs(cpu.sort_points, 1, 1, [points, tiles], [places])
+    launch_slabs(cpu.claim, number, count, [*inputs, tiles], [labels])

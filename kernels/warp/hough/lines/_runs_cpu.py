@@ -1,0 +1,45 @@
+"""Points along lines, cut into runs at gaps, on the CPU by one thread.
+
+Positions along a line are float64 without fused multiply-adds, so they have the same bits on every
+device.
+"""
+
+import warp as wp
+
+from cvkern.kernels.codes.hough import DIRECTIONS, FARTHEST, PLACES
+from cvkern.kernels.warp import _native
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+DIGITS = 2048  # values of the longest digit of a place
+
+
+@wp.struct
+class Sorting:
+    """Points in the order of their lines, their runs, and scratch for the sort."""
+
+    order: wp.array[int]  # (2 N,): the sort needs the second half
+    runs: wp.array2d[int]  # (N, 2): where a run begins, and its number of points
+    along: wp.array[wp.float64]  # (N,): places along the lines
+    groups: wp.array[int]  # (2 N,): line and side of a point, and its place in steps
+    counts: wp.array[int]  # (DIGITS or 2 K, the larger,)
+
+
+@_native.kernel(
+    "_runs_cpu.h", QUARTER=DIRECTIONS // 4, LAST=DIRECTIONS - 1, FARTHEST=FARTHEST, PLACES=PLACES
+)
+def cut(
+    slab: int,
+    first: int,
+    last: int,
+    points: wp.array2d[float],  # (N, 2)
+    codes: wp.array[int],  # (N,)
+    labels: wp.array[int],  # (N,)
+    lines: wp.array2d[wp.float64],  # (2, K): cosine, sine
+    normals: wp.array[int],  # (K,)
+    limits: wp.vec3d,  # largest gap, least length, least density
+    sorting: Sorting,
+    # outputs
+    chosen: wp.array[wp.uint8],  # (N,)
+    total: wp.array[int],  # (1,)
+): ...
