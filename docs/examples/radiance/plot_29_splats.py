@@ -17,7 +17,7 @@ from cvkern.radiance import SplatField, fit, load_splats, make_scene, render, wr
 scene = make_scene(train=40, test=1, size=64)
 held_out = int(scene.test.argmax())
 
-model = fit(scene, SplatField(splats=4096), steps=600, progress=False)
+model = fit(scene, SplatField(splats=4096), steps=400, progress=False)
 
 with tempfile.TemporaryDirectory() as folder:
     file = Path(folder) / "solids.ply"
