@@ -37,5 +37,4 @@ for panel, (title, picture) in zip(panels, shown, strict=True):
     panel.imshow(picture, cmap="magma_r")
     panel.set_title(title)
     panel.axis("off")
-plt.tight_layout()
 plt.show()
