@@ -3,11 +3,13 @@
 Taichi builds a kernel from its Python source in each process, even if the compiled kernel is in its
 cache. For each node of the syntax it makes a message that an error would show, and draws the line
 there with a mark under the node, wrapped to 80 columns: half of the time of building. For each call
-of a function that it inlines, it searches the file for the function's source again.
+of a function that it inlines, it searches the file for the function's source again. For each
+function that is decorated, it looks through all modules to learn whether a class is around it.
 """
 
 import functools
 import os
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -18,22 +20,42 @@ _FOLDER = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 
 def read_once() -> None:
-    """Replace the two functions of Taichi; the code of others keeps its messages."""
+    """Replace these functions of Taichi; for the code of others they do what they did."""
     context = getattr(ast_transformer_utils, "ASTTransformerContext", None)
-    drawn = getattr(context, "get_pos_info", None)
-    if drawn is not None and not hasattr(drawn, "__wrapped__"):
-        setattr(context, "get_pos_info", _undrawn(drawn))  # noqa: B010
-    lines = getattr(kernel_impl, "getsourcelines", None)
-    if lines is not None and not hasattr(lines, "__wrapped__"):
-        setattr(kernel_impl, "getsourcelines", functools.cache(lines))  # noqa: B010
+    _replace(context, "get_pos_info", _undrawn)
+    _replace(kernel_impl, "getsourcelines", functools.cache)
+    _replace(kernel_impl, "_inside_class", _classless)
+
+
+def _replace(place: Any, name: str, made: Callable[..., Any]) -> None:
+    """Replace a function, if this Taichi has it and it was not replaced yet."""
+    found = getattr(place, name, None)
+    if found is not None and not hasattr(found, "__wrapped__"):
+        setattr(place, name, made(found))
 
 
 def _undrawn(drawn: Callable[..., str]) -> Callable[..., str]:
     @functools.wraps(drawn)
-    def place(self: Any, node: Any) -> str:
+    def position(self: Any, node: Any) -> str:
         if not self.file.startswith(_FOLDER):
             return drawn(self, node)
         line = node.lineno + self.lineno_offset
         return f'File "{self.file}", line {line}, in {self.func.func.__name__}:\n'
 
-    return place
+    return position
+
+
+def _classless(searched: Callable[..., bool]) -> Callable[..., bool]:
+    """Return what knows that no kernel of ours is in a class.
+
+    The class, if there is one, is that many calls up; the function is decorated one call before.
+    """
+
+    @functools.wraps(searched)
+    def inside(level_of_class_stackframe: int) -> bool:
+        decorated = sys._getframe(level_of_class_stackframe - 1)
+        if decorated.f_code.co_filename.startswith(_FOLDER):
+            return False
+        return searched(level_of_class_stackframe + 1)
+
+    return inside

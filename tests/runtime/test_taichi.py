@@ -263,3 +263,16 @@ def test_sources_are_read_once_and_ours_are_not_drawn():
         assert said.startswith(f'File "{folder}/x.py", line 7, in blur:\n')
         assert ("^^^^^" in said) == drawn
     assert kernel_impl.getsourcelines(blur) is kernel_impl.getsourcelines(blur)
+
+
+def test_kernels_in_classes_of_others():
+    """Ours are in no class, so that Taichi does not look for one; it still finds others."""
+    import taichi as ti
+
+    @ti.data_oriented
+    class Double:
+        @ti.kernel
+        def of(self, x: ti.i32) -> ti.i32:  # pyright: ignore[reportInvalidTypeForm]
+            return 2 * x
+
+    assert Double().of(21) == 42
