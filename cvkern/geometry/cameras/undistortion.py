@@ -14,8 +14,8 @@ from cvkern._runtime import runtime
 from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry.cameras.calibration import numbers_of
 from cvkern.geometry.cameras.lens import (
-    UNKNOWN,
     MOST_SIDE,
+    UNKNOWN,
     Camera,
     bent,
     check_lens,
