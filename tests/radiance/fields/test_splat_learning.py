@@ -101,13 +101,14 @@ def test_learning_kernels(more):
     rows = np.array([[4, 9], [7, 9], [2, 3]], np.int32)
     numbers = np.array([[1, 0.5], [2, -0.5], [3, 0]], np.float32)
     kernels.relocate(owned(rt, rows), owned(rt, numbers), values, mean, square)
-    found, moments = rows_of(rt, values), rows_of(rt, mean)
+    found, moments = rows_of(rt, values), [rows_of(rt, moment) for moment in (mean, square)]
     for name in ("means", "turns", "colors") + (("sides",) if more else ()):
         wanted = getattr(still, name).copy()
         wanted[rows[:, 0]] = wanted[rows[:, 1]]
         np.testing.assert_array_equal(getattr(found, name), wanted)
-        assert not getattr(moments, name)[rows[:, 0]].any()
-        assert getattr(moments, name)[rows[:, 1]].all()
+        for moment in moments:
+            assert not getattr(moment, name)[rows[:, 0]].any()
+            assert getattr(moment, name)[rows[:, 1]].all()
     np.testing.assert_allclose(found.scales[4], still.scales[9] + 0.5, rtol=1e-6)
     np.testing.assert_array_equal(found.opacities[[4, 7, 2], 0], [1, 2, 3])
 
