@@ -54,6 +54,35 @@ def test_correlate_separable(kernels, shape, step, radii, border):
     np.testing.assert_array_equal(got, bits)
 
 
+@pytest.mark.parametrize("dtype", [U8, np.uint16])
+@pytest.mark.parametrize(
+    ("shape", "step", "radii", "border"),
+    [
+        ((1, 1, 1), 1, (1, 2), Border.MIRROR),
+        ((2, 5, 6), 3, (7, 8), Border.WRAP),
+        ((2, 67, 70), 2, (4, 2), Border.CONSTANT),  # planes that end within the rows taken at once
+    ],
+)
+def test_correlate_integers(kernels, shape, step, radii, border, dtype):
+    """The sums are those of float32, rounded to even; some are beyond the integers."""
+    most = np.iinfo(dtype).max
+    src = (
+        np.random.default_rng(3).integers(0, most + 1, (*shape[:2], shape[2] * step)).astype(dtype)
+    )
+    taps_y, taps_x = (noise(2 * r + 1, seed=r + 1) for r in radii)
+    options = step, border, 7.0
+    got = kernels(
+        "filters.linear.correlate_separable",
+        src,
+        taps_y,
+        taps_x,
+        *options,
+        out=[(src.shape, dtype)],
+    )
+    sums = filters_reference.correlate_separable(src.astype(F32), taps_y, taps_x, *options)
+    np.testing.assert_array_equal(got, np.rint(sums).clip(0, most))
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (37, 29), (20, 130)])
 def test_differentiate_polar(kernels, shape):
     src = np.round(noise(*shape) * 2)  # with flat parts, where derivatives are 0
@@ -193,7 +222,7 @@ def test_thin_keeps_what_exceeds_the_limit_by_a_rounding(kernels):
 
 
 @pytest.mark.parametrize("l2", [False, True])
-@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65), (9, 1100)])
 def test_thin_sobel_and_hysteresis_are_canny(kernels, shape, l2):
     cv2 = pytest.importorskip("cv2")
     image = np.random.default_rng(5).integers(0, 256, shape, U8, endpoint=False)

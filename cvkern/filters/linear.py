@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._arrays import library
 from cvkern._checks import (
     as_numbers,
     check_axes,
@@ -265,8 +266,13 @@ def separable(
     shape = tuple(image.shape)
     result = rt.empty(shape, kind, out=out)
     whole = kind != np.float32
-    floats = rt.scratch("separable.floats", shape) if whole else rt.adopt(result)
     down, along = (rt.constant(t) for t in taps)
+    if whole and axis != 1 and library(image).dtype(image) == kind:
+        planes, step = image_layout(shape, axis, batch_axis)
+        given = rt.adopt(image, kind, planes), down, along, step, border, cval
+        rt.filters.linear.correlate_separable(*given, rt.adopt(result, kind, planes))
+        return rt.release(result, out)
+    floats = rt.scratch("separable.floats", shape) if whole else rt.adopt(result)
     if axis == 1:
         # A step between columns would leave its row, so filter each axis separately.
         images = 1 if batch_axis is None else shape[0]

@@ -120,12 +120,11 @@ class Explorer:
         `planes` are homographies (P, 9) to start from, NaN for pairs to leave out; `most` is a
         number of trials below that of the options.
         """
-        rt, kernels, size = self.rt, self.rt.geometry.robust, SAMPLE[model]
+        rt, size, number = self.rt, SAMPLE[model], len(self.counts)
         fitted = Model.FUNDAMENTAL if model == Model.PARALLAX else model
-        number = len(self.counts)
-        best, trials = np.zeros((number, 9)), np.zeros(number, np.int64)
-        costs = np.full(number, NO_COST, np.int64)
-        rough, supports = costs.copy(), trials.copy()
+        costs, trials = np.full(number, NO_COST, np.int64), np.zeros(number, np.int64)
+        best = Found(np.zeros((number, 9)), costs, trials.copy(), trials)
+        rough = costs.copy()
         usable, given = self.counts >= size, self._given
         if planes is not None:
             usable &= np.isfinite(planes).all(axis=1)
@@ -136,32 +135,50 @@ class Explorer:
         # Each round draws at least `GROUP` samples.
         while len(active) and done < last:
             room = min(room, -(-(last - done) // GROUP) * GROUP)
-            pairs = rt.send("robust.pairs", active)
-            found = rt.scratch("robust.models", (len(active), room // GROUP, 9))
-            found_costs = rt.scratch("robust.costs", found.shape[:2], np.int32)
             draw = Draw(int(model), self.options.seed, done)
-            kernels.propose(given, pairs, draw, found, found_costs)
-            least = rt.to_numpy(found_costs).min(axis=1)
+            hypotheses, scores = self._propose(given, active, draw, room)
+            least = rt.to_numpy(scores).min(axis=1)
             promising = least < rough[active]
             rough[active] = np.minimum(rough[active], least)
             if promising.any():
-                to = active[promising]
-                chosen = rt.scratch("robust.chosen", (len(to), CANDIDATES, 9), np.float64)
-                rows = rt.send("robust.rows", np.flatnonzero(promising).astype(np.int32))
-                kernels.choose(found, found_costs, rows, chosen)
-                models, cost, support = self._refined(fitted, chosen, to, COARSE)
-                rank = np.argmin(cost, axis=1)  # the first of equals
-                row = np.arange(len(to))
-                better = cost[row, rank] < costs[to]
-                to, row, rank = to[better], row[better], rank[better]
-                best[to] = models[row, rank]
-                costs[to], supports[to] = cost[row, rank], support[row, rank]
+                rows = np.flatnonzero(promising).astype(np.int32)
+                self._improve(best, fitted, active[promising], hypotheses, scores, rows)
             done += room
             trials[active] = done
-            share = supports[active] / self.counts[active]
+            share = best.supports[active] / self.counts[active]
             active = active[done < _wanted(share, size, self.options.confidence)]
             room = min(done, MOST)
-        return Found(best, costs, supports, trials)
+        return best
+
+    def _propose(self, given: Given, pairs: np.ndarray, draw: Draw, room: int) -> tuple[Any, Any]:
+        """Draw `room` samples for each pair; return the best of each group, and their costs."""
+        rt = self.rt
+        hypotheses = rt.scratch("robust.models", (len(pairs), room // GROUP, 9))
+        costs = rt.scratch("robust.costs", hypotheses.shape[:2], np.int32)
+        to = rt.send("robust.pairs", pairs)
+        rt.geometry.robust.propose(given, to, draw, hypotheses, costs)
+        return hypotheses, costs
+
+    def _improve(
+        self,
+        best: Found,
+        model: Model,
+        pairs: np.ndarray,
+        hypotheses: Any,
+        scores: Any,
+        rows: np.ndarray,
+    ) -> None:
+        """Refine the hypotheses in the rows of some pairs, and keep those that beat `best`."""
+        rt = self.rt
+        chosen = rt.scratch("robust.chosen", (len(pairs), CANDIDATES, 9), np.float64)
+        rt.geometry.robust.choose(hypotheses, scores, rt.send("robust.rows", rows), chosen)
+        models, costs, supports = self._refined(model, chosen, pairs, COARSE)
+        rank = np.argmin(costs, axis=1)  # the first of equals
+        row = np.arange(len(pairs))
+        better = costs[row, rank] < best.costs[pairs]
+        pairs, row, rank = pairs[better], row[better], rank[better]
+        best.models[pairs] = models[row, rank]
+        best.costs[pairs], best.supports[pairs] = costs[row, rank], supports[row, rank]
 
     def finish(self, model: Model, found: Found) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return matrices (P, 3, 3), or NaN, inliers (M,) uint8 and costs (P,) float64."""

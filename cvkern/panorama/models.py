@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -53,7 +54,7 @@ class Alignment(NamedTuple):
     model: str
     """'rotation', 'affine', 'homography', 'homography tree' or 'similarity tree'."""
     matrices: np.ndarray
-    """(N, 3, 3): map directions, or a plane in pixels of the central image, to pixels."""
+    """(N, 3, 3): map directions, or a plane in pixels of one of the images, to pixels."""
     focals: np.ndarray | None
     """(N,), pixels."""
     rotations: np.ndarray | None
@@ -117,7 +118,7 @@ def _fitted(
     is_flat = affine_left <= WORST and (affine_left <= FLAT * left or not plausible)
     if plausible and left <= SMALL and not is_flat:
         return "rotation", turning, parents, left
-    full = _flat(seen, maps, parents, order, 8)
+    full = _facing(_flat(seen, maps, parents, order, 8), middles / unit)
     full_left = _left(seen, full) if _in_front(full, middles / unit) else np.inf
     if is_flat and full_left >= MUCH_BETTER * affine_left:
         return "affine", affine, parents, affine_left
@@ -125,7 +126,8 @@ def _fitted(
         return "rotation", turning, parents, left
     if full_left <= WORST:
         return "homography", full, parents, full_left
-    plane, name = Planes(_chained(maps, parents, order, 8), 8), "homography tree"
+    plane = _facing(Planes(_chained(maps, parents, order, 8), 8), middles / unit)
+    name = "homography tree"
     if not _in_front(plane, middles / unit):
         plane, name = Planes(_chained(maps, parents, order, 4), 8), "similarity tree"
     return name, plane, parents, _left(seen, plane)
@@ -140,12 +142,33 @@ def _left(seen: Observations, model: Any) -> float:
 
 def _in_front(model: Planes, reach: np.ndarray) -> bool:
     """Tell whether every image lies on its plane, far from the horizon; `reach` (N, 2) in units."""
-    for matrix, (x, y) in zip(np.linalg.inv(model.matrices()), reach, strict=True):
-        corners = np.array([[0, 0, 1], [-x, -y, 1], [x, -y, 1], [x, y, 1], [-x, y, 1]])
-        depth = corners @ matrix[2]
-        if not np.isfinite(depth).all() or depth.min() <= HORIZON * abs(depth[0]):
-            return False
-    return True
+    return _least_depth(model.matrices(), reach) > HORIZON
+
+
+def _facing(model: Planes, reach: np.ndarray) -> Planes:
+    """Return the model in the plane of the central image, if all images lie there, far enough.
+
+    Else in that of the image from which they lie farthest from the horizon.
+    """
+    if _in_front(model, reach):
+        return model
+    matrices = model.matrices()
+    planes = [with_unit_determinant(matrices @ inverse) for inverse in np.linalg.inv(matrices)]
+    depths = [_least_depth(plane, reach) for plane in planes]
+    return Planes(planes[int(np.argmax(depths))], model.size)
+
+
+def _least_depth(matrices: np.ndarray, reach: np.ndarray) -> float:
+    """Return the least depth of a corner of an image, in depths of its middle; at most 1."""
+    x, y = reach.T
+    one = np.ones_like(x)
+    corners = np.array(
+        [[0 * x, 0 * x, one], *((a * x, b * y, one) for a in (-1, 1) for b in (-1, 1))]
+    )
+    depths = np.einsum("ni,cin->cn", np.linalg.inv(matrices)[:, 2], corners)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = (depths / np.abs(depths[0])).min()
+    return float(least) if np.isfinite(least) else -math.inf
 
 
 def _without_wrong(links: Sequence[Link], seen: Observations, model: Any) -> list[Link]:
@@ -199,12 +222,16 @@ def spanning_tree(count: int, links: Sequence[Link]) -> tuple[np.ndarray, list[i
 
     centre = min(range(count), key=lambda i: (distances(i), i))
     parents, order = np.full(count, -1), [centre]
-    # The images are connected, so each round adds one.
-    while len(order) < count:
-        edges = [(-weights[i, j], j, i) for i in order for j in near[i] if j not in order]
-        _, j, i = min(edges)
+    edges = [(-weights[centre, j], j, centre) for j in near[centre]]
+    heapq.heapify(edges)
+    # Each round adds an image, and the edges that lead on from it.
+    while edges:
+        _, j, i = heapq.heappop(edges)
         parents[j] = i
         order.append(j)
+        for k in near[j]:
+            if k != i:
+                heapq.heappush(edges, (-weights[j, k], k, j))
     return parents, order
 
 

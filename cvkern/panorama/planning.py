@@ -70,7 +70,7 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
     return values
 
 
-def planned(
+def plan_panoramas(
     heap: Heap,
     links: list[Link],
     focals: np.ndarray | None,
@@ -88,7 +88,8 @@ def planned(
     groups = [members for members in groups if len(members) > 1]
 
     def plan(members: list[int]) -> Plan:
-        own = [link for link in links if link.first in members]
+        there = set(members)
+        own = [link for link in links if link.first in there]
         return _plan(heap, members, own, focals, options, called)
 
     # NumPy's work on one panorama leaves processors idle.

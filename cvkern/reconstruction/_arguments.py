@@ -21,7 +21,7 @@ from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._course import Options
 from cvkern.reconstruction._photographs import Lenses
 
-# Pixels. No picture has a focal length beyond these. Between them, no quotient overflows, and
+# Pixels. No picture has a focal length beyond these. Between them no quotient overflows, and all
 # camera matrices have inverses.
 LEAST_FOCAL, MOST_FOCAL = 1e-3, 1e9
 PAIRS = "auto", "all", "vocabulary", "sequence"

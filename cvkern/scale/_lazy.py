@@ -72,20 +72,20 @@ def _masked(mask: Any) -> dict[str, np.ndarray]:
 def _further(
     shape: tuple[int, int], inners: list[Place], kept: list[dict[str, np.ndarray]]
 ) -> dict[int, np.ndarray]:
-    """Return the edges that only the seams decide, packed, by the number of the tile."""
+    """Return the places of edges that only the seams decide, by the number of the tile."""
     seams = Seams(shape)
     for inner, one in zip(inners, kept, strict=True):
         seams.add(inner, one)
     number = {(inner[0].start, inner[1].start): n for n, inner in enumerate(inners)}
-    return {
-        number[inner[0].start, inner[1].start]: np.packbits(more) for inner, more in seams.decided()
-    }
+    return {number[inner[0].start, inner[1].start]: places for inner, places in seams.decided()}
 
 
 def _merge(edges: np.ndarray, further: dict[int, np.ndarray], number: int) -> np.ndarray:
     if number not in further:
         return edges
-    return edges | np.unpackbits(further[number], count=edges.size).view(bool).reshape(edges.shape)
+    merged = edges.copy()  # tasks must not write to what others may read
+    merged.reshape(-1)[further[number]] = True
+    return merged
 
 
 def _assembled(

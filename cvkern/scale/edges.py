@@ -165,18 +165,25 @@ class Seams:
                 self.pairs.append(np.unique(np.stack((a[touching], b[touching])), axis=1))
 
     def decided(self) -> Iterator[tuple[Place, np.ndarray]]:
-        """Yield the tiles that have further edges, and these edges."""
+        """Yield the tiles that have further edges, and the places of these, row by row."""
         if not self.pairs:
             return
         component = _components(np.concatenate(self.pairs, axis=1), self.nodes)
         is_edge = component == component[_EDGE]
         for inner, first, count, packed in self.pieces:
             if is_edge[first : first + count].any():
-                shape = _sides(inner)
-                places, labels, _ = _labelled(packed, shape[1])
-                more = np.zeros(shape, bool)
-                more.flat[places[is_edge[first + labels]]] = True
-                yield inner, more
+                places, labels, _ = _labelled(packed, _sides(inner)[1])
+                yield inner, places[is_edge[first + labels]]
+
+
+def add_edges(target: Any, inner: Place, places: np.ndarray) -> None:
+    """Add further edges of a tile to the edges of the image."""
+    tile = target[inner]
+    own = isinstance(target, np.ndarray)  # then the tile is a part of it
+    tile = tile if own else np.array(tile)
+    tile[np.divmod(places, tile.shape[1])] = True
+    if not own:
+        target[inner] = tile
 
 
 def _sides(place: Place) -> tuple[int, int]:

@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,7 +91,9 @@ def _write(path: Path, result: Any) -> None:
         return
     with replacing(path) as beside, open(beside, "wb") as stream:
         if path.suffix == ".npy":
-            np.save(stream, np.asarray(result), allow_pickle=False)
+            # Given a file, NumPy writes by itself, and does not say that the disk is full.
+            plain: Any = SimpleNamespace(write=stream.write)
+            np.save(plain, np.asarray(result), allow_pickle=False)
         else:
             parts = result if isinstance(result, tuple) else (result,)
             names = getattr(parts, "_fields", [f"arr_{n}" for n in range(len(parts))])

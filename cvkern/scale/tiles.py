@@ -22,7 +22,7 @@ import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import check_devices, choice, pinned, refuse_capture, use
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, flooded, thresholds, tile_edges
+from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 from cvkern.scale.sources import cut, images_of
@@ -219,7 +219,7 @@ def apply(
             for part in tiles:
                 seams.add(part.inner, book.kept(part.number) or {})
         for inner, more in seams.decided():
-            targets[0][inner] = np.asarray(targets[0][inner]) | more
+            add_edges(targets[0], inner, more)
     book.remove()
     if hasattr(found, "_fields") and target is None:
         return type(found)(*targets)

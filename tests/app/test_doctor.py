@@ -55,7 +55,7 @@ def test_warmup_leaves_nothing_to_compile():
 
 def test_every_function_works_with_taichi():
     """In a warm-up call; the tests of each family make calls of further dtypes."""
-    firsts = {name: call for name, call in reversed(list(warmup.calls()))}
+    firsts = dict(reversed(list(warmup.calls())))
     with cvkern.use(backend="taichi"):
         for call in firsts.values():
             call()

@@ -83,17 +83,27 @@ def test_files_that_are_named_exist(file):
 
 
 def test_each_native_file_has_a_row_and_each_row_its_files():
-    """A name without a folder in a row lies in the folder of the name before."""
-    named = set()
-    for row in re.findall(r"^\| [^|]+ \|([^|]+)\|", (DOCS / "native.md").read_text("utf-8"), re.M):
-        folder = ""
+    """A name without a folder in a row lies in the folder of the name before.
+
+    Counts of lines are true to a tenth, so that small changes need no new count.
+    """
+    text, named = (DOCS / "native.md").read_text("utf-8"), set()
+    warp = DOCS.parent / "kernels" / "warp"
+    for row, count in re.findall(r"^\| [^|]+ \|([^|]+)\| (\w+|) *\|", text, re.M):
+        folder, lines = "", 0
         for place, name in re.findall(r"`((?:\w+/)*)(\w+\.(?:h|cu))`", row):
             folder = place or folder
             named.add(folder + name)
-    warp = DOCS.parent / "kernels" / "warp"
+            lines += len((warp / folder / name).read_text("utf-8").splitlines())
+        if count.isdigit():
+            assert abs(lines - int(count)) <= 5 + lines / 10, f"{row.strip()} have {lines} lines"
     files = {str(f.relative_to(warp)) for f in warp.rglob("*.*") if f.suffix in (".h", ".cu")}
     assert sorted(files - named) == []
     assert sorted(named - files) == []
+    lines = sum(len((warp / file).read_text("utf-8").splitlines()) for file in files)
+    said = re.search(r"Native files have some (\d+) (\d{3}) lines", text)
+    assert said
+    assert abs(lines - int("".join(said.groups()))) < 500, f"native files have {lines} lines"
 
 
 def test_the_recipe_names_files_that_exist():

@@ -21,7 +21,7 @@ from cvkern.radiance import (
     render,
 )
 from cvkern.radiance.trainer import Trainer
-from tests.radiance.runs import FIELDS, TINY, interrupt, press_ctrl_c, same
+from tests.radiance.runs import FIELDS, GRID, TINY, interrupt, press_ctrl_c, same
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +29,11 @@ def scene():
     return make_scene(train=16, test=2, size=24)
 
 
-@FIELDS
 @pytest.mark.parametrize(
-    ("backend", "step"), [("warp", 21), ("warp", 32), ("taichi", 21)], indirect=["backend"]
+    ("backend", "step", "field"),
+    [("warp", step, field) for step in (21, 32) for field in (TINY, GRID)] + [("taichi", 21, GRID)],
+    ids=["warp-21-hash", "warp-21-voxel", "warp-32-hash", "warp-32-voxel", "taichi-21-voxel"],
+    indirect=["backend"],
 )
 def test_ctrl_c_stops_saves_and_can_go_on(backend, scene, tmp_path, monkeypatch, step, field):
     file = tmp_path / "model.npz"

@@ -1,5 +1,6 @@
 """Heaps of files: every result is that of the function, and what fails stops nothing."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -12,7 +13,7 @@ import pytest
 
 import cvkern
 from cvkern.images import read_image, write_image
-from cvkern.scale import map_images
+from cvkern.scale import engines, map_images
 
 
 def heap(folder, number=6):
@@ -156,6 +157,15 @@ def test_forms_of_results(tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / "color.png"), want)
     report = map_images(folder, "gaussian", tmp_path, suffix=".png", overwrite=True, size=3)
     assert "TypeError" in report.failed[str(folder / "0.png")]
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is full")
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_a_full_disk_is_the_reason(tmp_path, monkeypatch, suffix):
+    folder = heap(tmp_path / "in", 1)
+    monkeypatch.setattr(engines, "replacing", lambda _: contextlib.nullcontext("/dev/full"))
+    report = map_images([folder / "0.png"], "box", tmp_path, suffix=suffix)
+    assert "No space left on device" in next(iter(report.failed.values()))
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import cvkern
 from cvkern._runtime import KERNEL_SETS
 from tests.calls import blobs, noise
 from tests.on_cuda import assert_equal_bits, on_gpu, reference
+from tests.test_cuda_source import joined
 
 MATRIX = np.array([[0.9, 0.2, 3.0], [-0.1, 1.1, -2.0], [1e-3, -2e-3, 1.0]])
 
@@ -34,16 +35,23 @@ def test_compiles_without_fused_products(tmp_path):
     from cvkern.kernels.warp.transform import projective
 
     kernel_set.start("cpu", None)
-    for n, kernel in enumerate(kernels()):
-        (ptx,) = wp.compile_aot_module(
-            kernel.module, arch=90, module_dir=tmp_path / f"{n}", use_ptx=True
-        )
-        code = Path(ptx).read_text()
-        assert ".target sm_90" in code
-        assert "fma.rn.f32" not in code or "backward" in kernel.key
+    made = list(kernels())
+    entries = []
+    for module, _held in joined(made, "transform_for_hopper"):
+        (ptx,) = wp.compile_aot_module(module, arch=90, module_dir=tmp_path, use_ptx=True)
+        before, *parts = Path(ptx).read_text().split(".visible .entry ")
+        assert ".target sm_90" in before
+        assert "fma.rn" not in before
+        entries += parts
+    assert len(entries) == len(made)
+    for code in entries:
+        name = code.partition("(")[0]
+        if "backward" in name:
+            continue
+        assert "fma.rn.f32" not in code
         # Divisions in float64 that are written out have five; all others are one instruction.
-        divisions = projective.COLUMNS if "warp_parts" in kernel.key else 0
-        assert code.count("fma.rn.f64") == 5 * divisions or "backward" in kernel.key
+        divisions = projective.COLUMNS if "warp_parts" in name else 0
+        assert code.count("fma.rn.f64") == 5 * divisions
 
 
 CALLS = {

@@ -152,9 +152,7 @@ def _edges(
     return np.min(steps, axis=0) > LEAST_STEP * np.abs(steps).max(axis=0)
 
 
-def _grown(
-    links: list[list[int]], back: list[list[int]], start: int
-) -> dict[tuple[int, int], int]:
+def _grown(links: list[list[int]], back: list[list[int]], start: int) -> dict[tuple[int, int], int]:
     """Walk from one corner to all that are joined with it; what fits nowhere is left out.
 
     A corner is known with its ray along the rows; rows, columns follow each other as angles grow,

@@ -2,7 +2,8 @@
 
 Thinning keeps a pixel if it is a maximum along the gradient. Hysteresis keeps a pixel above the
 lower threshold if it is connected with one above the higher threshold (Canny, "A computational
-approach to edge detection", TPAMI 1986).
+approach to edge detection", TPAMI 1986). Products are rounded before sums (`zero`, see
+_rounding.py).
 """
 
 import numpy as np
@@ -93,7 +94,7 @@ def _length(
 
 
 @ti.func
-def _tops_sector(
+def _is_maximum_in_sector(
     dy: ti.template(),
     dx: ti.template(),
     n: ti.i32,
@@ -124,14 +125,14 @@ def _tops_sector(
 
 
 @ti.func
-def _tops_line(
+def _is_maximum_along_gradient(
     dy: ti.template(),
     dx: ti.template(),
     n: ti.i32,
     y: ti.i32,
     x: ti.i32,
     norm: ti.i32,
-    framed: ti.i32,
+    framed: ti.i32,  # whether two equal neighbours are both maxima, as in scikit-image
     zero: ti.i32,
 ) -> ti.i32:
     """Tell whether a pixel is a maximum along its gradient, by interpolation (Canny 1986)."""
@@ -183,9 +184,11 @@ def _thin(
         if m > limits[at] and (inside or not framed):
             top = 0
             if rule == Thinning.SECTORS:
-                top = _tops_sector(dy, dx, n, y, x, norm, zero)
+                top = _is_maximum_in_sector(dy, dx, n, y, x, norm, zero)
             else:
-                top = _tops_line(dy, dx, n, y, x, norm, ti.cast(framed, ti.i32), zero)
+                top = _is_maximum_along_gradient(
+                    dy, dx, n, y, x, norm, ti.cast(framed, ti.i32), zero
+                )
             if top != 0:
                 state = Edge.WEAK
                 if m > limits[at + 1]:

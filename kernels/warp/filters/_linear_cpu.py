@@ -5,14 +5,56 @@ windows lie inside the image are processed together, because they share most of 
 read.
 """
 
+from typing import Any
+
 import warp as wp
 
+from cvkern.kernels.warp import _native
+from cvkern.kernels.warp._borders import border_index
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide
 
-from ._separable_cpu import Lines, fill_margins, pair_down, sum_along, sum_down
+from ._separable_cpu import Lines, fill_margins, sum_down
 
 # Without fused multiply-add a sum has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+ROWS = 32  # rows of integers that are converted together
+
+
+@_native.func_native("_linear_cpu.h")
+def pair_down(
+    src: wp.array2d[f32_lanes],  # (P H, N - 31)
+    row: int,
+    taps: wp.array[float],
+    # outputs
+    lines: wp.array2d[float],
+    first_line: int,
+    margin: int,
+    size: int,
+): ...
+
+
+@_native.func_native("_linear_cpu.h")
+def along(
+    lines: wp.array2d[float],
+    line: int,
+    step: int,
+    taps: wp.array[float],
+    size: int,
+    # outputs
+    dst: wp.array3d[f32_wide],  # (P, H, N - 63)
+    row: int,  # counted through all planes
+): ...
+
+
+@wp.struct
+class Room:
+    """Scratch for an image of integers; a slab has its share of each."""
+
+    rows: Lines  # rows of the image as floats
+    line: Lines  # sums down the rows, two lines per slab
+    sums: wp.array3d[f32_wide]  # (1, slabs, N - 63)
+    whole: wp.array2d[float]  # (slabs, N): the same
 
 
 @wp.kernel
@@ -41,17 +83,77 @@ def correlate_separable(
         plane = row // height
         y = row - plane * height
         pair = row + 1 < last and y >= reach and y + 1 + reach < height
-        for lane in range((stored + LANES - 1) // LANES):
-            x = wp.min(lane * LANES, stored - LANES)
-            if pair:
-                pair_down(src, row, x, taps_y, lines.lanes, 2 * slab, margin + x)
-            else:
+        if pair:
+            pair_down(src, row, taps_y, lines.values, 2 * slab, margin, stored)
+        else:
+            for lane in range((stored + LANES - 1) // LANES):
+                x = wp.min(lane * LANES, stored - LANES)
                 lines.lanes[2 * slab, margin + x] = sum_down(
                     src, row - y, y, height, x, taps_y, border, cval
                 )
         for k in range(wp.where(pair, 2, 1)):
             fill_margins(lines.values, 2 * slab + k, margin, columns, step, border, cval)
-            for lane in range((stored + WIDE - 1) // WIDE):
-                x = wp.min(lane * WIDE, stored - WIDE)
-                dst[plane, y + k, x] = sum_along(lines.wide, 2 * slab + k, x, step, taps_x)
+            along(lines.values, 2 * slab + k, step, taps_x, stored, dst, row + k)
         row += wp.where(pair, 2, 1)
+
+
+def _integers(scalar: Any, most: str) -> wp.Kernel:
+    """Return the kernel for an image of integers of one type, rounded to the same type."""
+
+    @_native.func_native("_linear_cpu.h", SCALAR=scalar)
+    def widen_row(
+        src: wp.array2d[scalar], row: int, cval: float, dst: wp.array2d[float], line: int
+    ): ...
+
+    @_native.func_native("_linear_cpu.h", SCALAR=scalar, MOST=most)
+    def narrow_row(src: wp.array2d[float], line: int, dst: wp.array2d[scalar], row: int): ...
+
+    @wp.kernel
+    def correlate_integers(
+        slab: int,
+        first: int,
+        last: int,
+        src: wp.array2d[scalar],  # (P H, W step)
+        height: int,
+        taps_y: wp.array[float],
+        taps_x: wp.array[float],
+        step: int,
+        border: int,
+        cval: float,
+        room: Room,
+        # outputs
+        dst: wp.array2d[scalar],  # (P H, W step)
+    ):
+        columns = src.shape[1]
+        stored = room.whole.shape[1]
+        reach = taps_y.shape[0] // 2
+        margin = taps_x.shape[0] // 2 * step
+        base = slab * (ROWS + 2 * reach + 1)
+        row = int(first)
+        while row < last:
+            # Convert the rows around some rows of one plane, once for all of these.
+            y = row % height
+            number = wp.min(ROWS, wp.min(last - row, height - y))
+            for i in range(number + 2 * reach):
+                inside = border_index(y - reach + i, height, border)
+                from_row = wp.where(inside < 0, -1, row - y + inside)
+                widen_row(src, from_row, cval, room.rows.values, base + i)
+            for k in range(0, number, 2):
+                middle = base + reach + k
+                pair_down(
+                    room.rows.lanes, middle, taps_y, room.line.values, 2 * slab, margin, stored
+                )
+                for one in range(wp.min(2, number - k)):
+                    line = 2 * slab + one
+                    fill_margins(room.line.values, line, margin, columns, step, border, cval)
+                    along(room.line.values, line, step, taps_x, stored, room.sums, slab)
+                    narrow_row(room.whole, slab, dst, row + k + one)
+            row += number
+
+    return correlate_integers
+
+
+integers = {
+    wp.uint8: _integers(wp.uint8, "255.0f"),
+    wp.uint16: _integers(wp.uint16, "65535.0f"),
+}

@@ -4,6 +4,8 @@ A pass is ``out[i] = sum over t of taps[t] * in[i + t - r]``, summed in the orde
 pass down the rows, then one along the columns.
 """
 
+from typing import Any
+
 import warp as wp
 
 from cvkern.kernels.warp._lanes_cpu import WIDE, f32_lanes, f32_wide, padded, unpad, vectors
@@ -12,6 +14,7 @@ from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs, view
 from . import _linear_cpu as cpu
 from . import _linear_cuda as cuda
 from ._separable_cpu import lines
+from .depths import narrow, widen
 
 
 def correlate_separable(
@@ -23,9 +26,15 @@ def correlate_separable(
     cval: float,
     dst: wp.array,
 ) -> None:
-    """Correlate down the rows, then along the columns; neighbours are `step` elements apart."""
+    """Correlate down the rows, then along the columns; neighbours are `step` elements apart.
+
+    Both images are float32, or both are integers of 8 or 16 bits; then sums are rounded.
+    """
     planes, height, columns = src.shape
     rows = planes * height
+    if dst.dtype is not wp.float32:
+        _correlate_integers(src, taps_y, taps_x, step, border, cval, dst)
+        return
     if dst.device.is_cuda:
         middle = scratch("correlate.middle", src.shape, wp.float32, dst.device)
         cuda.correlate_columns(src, taps_y, border, cval, middle)
@@ -46,3 +55,27 @@ def correlate_separable(
         [vectors(view(wide_dst, wp.float32, (planes, height, stored)), f32_wide)],
     )
     unpad(wide_dst, flat[1])
+
+
+def _correlate_integers(
+    src: wp.array, taps_y: wp.array, taps_x: wp.array, step: int, border: int, cval: float, dst: Any
+) -> None:
+    planes, height, columns = src.shape
+    rows, device = planes * height, dst.device
+    if device.is_cuda:
+        wide, sums = (scratch(f"correlate.{n}", src.shape, wp.float32, device) for n in "ab")
+        widen(src, wide)
+        correlate_separable(wide, taps_y, taps_x, step, border, cval, sums)
+        narrow(sums, dst)
+        return
+    count, stored = slabs(rows, src.size), max(columns, WIDE)
+    held = cpu.ROWS + taps_y.shape[0]
+    room = cpu.Room()
+    room.rows = lines("correlate.rows", (count * held, stored), device)
+    width = stored + taps_x.shape[0] // 2 * step * 2
+    room.line = lines("correlate.line", (2 * count, width), device)
+    room.whole = scratch("correlate.sums", (count, stored), wp.float32, device)
+    room.sums = vectors(view(room.whole, wp.float32, (1, count, stored)), f32_wide)
+    flat = [view(a, a.dtype, (rows, columns)) for a in (src, dst)]
+    inputs = [flat[0], height, taps_y, taps_x, step, border, cval, room]
+    launch_slabs(cpu.integers[dst.dtype], rows, count, inputs, [flat[1]])

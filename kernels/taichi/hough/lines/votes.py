@@ -21,8 +21,8 @@ i32_3 = ti.types.ndarray(dtype=ti.i32, ndim=3)  # (images, rho, theta)
 
 @ti.kernel
 def _take(
-    points: i32_2,
-    starts: i32_1,
+    points: i32_2,  # (capacity, 2), row by row
+    starts: i32_1,  # where the points of each row begin; its last element is their number
     values: f32_2,
     # outputs
     taken: f32_1,
@@ -43,7 +43,7 @@ def _bin(
 
 @ti.func
 def _place(row: ti.i32, rows: ti.i32, images: ti.i32):
-    """Return the image of a point, and its row there; images of a stack have as many rows each."""
+    """Return the image of a point, and its row there: `rows` are those of all images together."""
     n = 0
     if images > 1:
         n = row // (rows // images)
@@ -141,7 +141,8 @@ def vote(
 ) -> None:
     """Count the votes of all points at all angles, by 1 or their weight; one thread per point.
 
-    `votes` are (R, T), or (N, R, T) of a stack, in whose list each image has as many rows.
+    `votes` are (R, T), or (N, R, T) of a stack. Then the points are those of all images, one image
+    after the other, and their rows are numbered on from image to image.
     """
     votes = votes.reshape((1, *votes.shape)[-3:])
     _clear(votes)

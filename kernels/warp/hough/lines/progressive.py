@@ -47,6 +47,81 @@ def _pixel(at: wp.int64, whole: bool) -> int:
     return int(at if whole else at // _ONE)
 
 
+@wp.func
+def _begin(at: int, whole: bool) -> wp.int64:
+    """Return where a line begins: the row or column, or its middle in units of 1 / STEPS."""
+    return wp.where(whole, wp.int64(at), wp.int64(at) * _ONE + _HALF)
+
+
+@wp.func
+def _vote(
+    y: int, x: int, turns: wp.array2d[wp.float64], threshold: int, votes: wp.array2d[int]
+) -> int:
+    """Add the votes of a point; return the line with the most of at least `threshold`, or -1."""
+    most = threshold - 1
+    best = int(-1)
+    for angle in range(votes.shape[0]):
+        place = _bin(turns, angle, y, x, votes.shape[1])
+        count = votes[angle, place] + 1
+        votes[angle, place] = count
+        if count > most:
+            most = count
+            best = angle
+    return best
+
+
+@wp.func
+def _last_point(
+    y: int, x: int, down: int, along: int, flat: bool, line_gap: int, left: wp.array2d[wp.uint8]
+) -> wp.vec2i:
+    """Follow a line to one side, over gaps of up to `line_gap`; return its last point."""
+    last = wp.vec2i(y, x)
+    gap = int(0)
+    at_y = _begin(y, not flat)
+    at_x = _begin(x, flat)
+    while gap <= line_gap:
+        here_y = _pixel(at_y, not flat)
+        here_x = _pixel(at_x, flat)
+        if here_y < 0 or here_y >= left.shape[0] or here_x < 0 or here_x >= left.shape[1]:
+            break
+        gap += 1
+        if left[here_y, here_x] != wp.uint8(0):
+            gap = 0
+            last = wp.vec2i(here_y, here_x)
+        at_y += wp.int64(down)
+        at_x += wp.int64(along)
+    return last
+
+
+@wp.func
+def _take_away(
+    y: int,
+    x: int,
+    down: int,
+    along: int,
+    flat: bool,
+    last: wp.vec2i,
+    turns: wp.array2d[wp.float64],
+    # outputs
+    left: wp.array2d[wp.uint8],
+    votes: wp.array2d[int],
+):
+    """Remove the points of a line up to the last one, and their votes."""
+    at_y = _begin(y, not flat)
+    at_x = _begin(x, flat)
+    walking = bool(True)
+    while walking:
+        here_y = _pixel(at_y, not flat)
+        here_x = _pixel(at_x, flat)
+        if left[here_y, here_x] != wp.uint8(0):
+            left[here_y, here_x] = wp.uint8(0)
+            for angle in range(votes.shape[0]):
+                votes[angle, _bin(turns, angle, here_y, here_x, votes.shape[1])] -= 1
+        walking = here_y != last[0] or here_x != last[1]
+        at_y += wp.int64(down)
+        at_x += wp.int64(along)
+
+
 @wp.kernel
 def _follow(
     points: wp.array2d[int],
@@ -61,71 +136,27 @@ def _follow(
     segments: wp.array2d[int],
     number: wp.array[int],
 ):
-    angles = votes.shape[0]
-    bins = votes.shape[1]
-    ends = wp.vec4i()
     found = int(0)
     for i in range(points.shape[0]):
         y = points[i, 0]
         x = points[i, 1]
         if left[y, x] == wp.uint8(0) or found == segments.shape[0]:
             continue
-        most = threshold - 1
-        best = int(-1)
-        for angle in range(angles):
-            place = _bin(turns, angle, y, x, bins)
-            count = votes[angle, place] + 1
-            votes[angle, place] = count
-            if count > most:
-                most = count
-                best = angle
+        best = _vote(y, x, turns, threshold, votes)
         if best < 0:
             continue
-
         # Along a flat line x changes by 1, along a steep one y, and the other by parts of it.
+        down = steps[best, 0]
+        along = steps[best, 1]
         flat = steps[best, 2] != 0
-        start_y = wp.int64(y)
-        start_x = wp.int64(x)
-        if flat:
-            start_y = start_y * _ONE + _HALF
-        else:
-            start_x = start_x * _ONE + _HALF
-        for side in range(2):
-            ends[2 * side] = y
-            ends[2 * side + 1] = x
-            gap = int(0)
-            at_y = start_y
-            at_x = start_x
-            while gap <= line_gap:
-                here_y = _pixel(at_y, not flat)
-                here_x = _pixel(at_x, flat)
-                if here_y < 0 or here_y >= left.shape[0] or here_x < 0 or here_x >= left.shape[1]:
-                    break
-                gap += 1
-                if left[here_y, here_x] != wp.uint8(0):
-                    gap = 0
-                    ends[2 * side] = here_y
-                    ends[2 * side + 1] = here_x
-                at_y += wp.int64(steps[best, 0] * (1 - 2 * side))
-                at_x += wp.int64(steps[best, 1] * (1 - 2 * side))
-        if wp.max(wp.abs(ends[2] - ends[0]), wp.abs(ends[3] - ends[1])) < line_length:
+        one = _last_point(y, x, down, along, flat, line_gap, left)
+        other = _last_point(y, x, -down, -along, flat, line_gap, left)
+        if wp.max(wp.abs(other[0] - one[0]), wp.abs(other[1] - one[1])) < line_length:
             continue
-
-        for side in range(2):
-            at_y = start_y
-            at_x = start_x
-            walking = bool(True)
-            while walking:
-                here_y = _pixel(at_y, not flat)
-                here_x = _pixel(at_x, flat)
-                if left[here_y, here_x] != wp.uint8(0):
-                    left[here_y, here_x] = wp.uint8(0)
-                    for angle in range(angles):
-                        votes[angle, _bin(turns, angle, here_y, here_x, bins)] -= 1
-                walking = here_y != ends[2 * side] or here_x != ends[2 * side + 1]
-                at_y += wp.int64(steps[best, 0] * (1 - 2 * side))
-                at_x += wp.int64(steps[best, 1] * (1 - 2 * side))
-        for k in range(4):
-            segments[found, k] = ends[k]
+        _take_away(y, x, down, along, flat, one, turns, left, votes)
+        _take_away(y, x, -down, -along, flat, other, turns, left, votes)
+        for k in range(2):
+            segments[found, k] = one[k]
+            segments[found, 2 + k] = other[k]
         found += 1
     number[0] = found

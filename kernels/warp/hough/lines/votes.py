@@ -72,7 +72,8 @@ def vote(
 ) -> None:
     """Count the votes of all points at all angles, by 1 or their weight; fill `votes`.
 
-    `votes` are (R, T), or (N, R, T) of a stack, in whose list each image has as many rows.
+    `votes` are (R, T), or (N, R, T) of a stack. Then the points are those of all images, one image
+    after the other, and their rows are numbered on from image to image.
     """
     images, bins, angles = (1, *votes.shape)[-3:]
     weighted = weights is not None
@@ -134,7 +135,7 @@ def _images(
 ) -> Iterator[tuple[wp.array, LineTables, wp.array]]:
     """Yield the starts of the rows of each image, tables for its points, and its votes.
 
-    The rows of the points are numbered through all images, which the offsets take away.
+    The rows of the points are numbered on from image to image; the offsets subtract that.
     """
     if votes.ndim == 2:
         yield starts, tables, votes
