@@ -14,6 +14,7 @@ from cvkern.shading.rendering import check_albedo
 
 SOFT = 2.0  # standard deviation in pixels of the smoothing that gives the direction of a border
 LIKELY = 0.2  # largest difference between the brightness of a silhouette and of a border pixel
+BRIGHTEST = 1.1  # median brightness, where 1 faces the light, above which the albedo is wrong
 FLAT = 0.05  # least z of a normal; steeper slopes are limited to that of this z
 FIRST, INNER = 300, 10  # sweeps before the first integration of depth, and between two of them
 TOLERANCE = 1e-3
@@ -72,8 +73,9 @@ def shape_from_shading(
         If an array does not hold real numbers, or `rounds` is not an integer.
     ValueError
         If a shape does not match, the light does not come from the camera's side, an array is not
-        finite where it must be, `mask` is 0 everywhere, or no normal is known at its border. One
-        image alone cannot distinguish hills from hollows.
+        finite where it must be, most of the image is brighter than `albedo` and `light` allow,
+        `mask` is 0 everywhere, or no normal is known at its border. One image alone cannot
+        distinguish hills from hollows.
 
     See Also
     --------
@@ -121,6 +123,12 @@ def shape_from_shading(
     inside = _inside(mask, values, shape)
     if not np.isfinite(values[inside]).all():
         raise ValueError("image must be finite within the mask, got others")
+    usual = float(np.median(values[inside]))
+    if usual > BRIGHTEST:
+        raise ValueError(
+            "image must be at most albedo times the length of light, got a median of "
+            f"{usual:.3g} times that: give the albedo in the units of the image"
+        )
     shown = np.where(inside, np.clip(values, 0, 1), 0)
     if boundary is None:
         if min(shape) < 2:

@@ -5,10 +5,13 @@ import json
 import imageio.v3 as iio
 import numpy as np
 import pytest
+import skimage.data
+import tifffile
 from PIL import Image
 
 import cvkern
 from cvkern.app import cli
+from cvkern.color import spaces
 
 RNG = np.random.default_rng(0)
 
@@ -111,6 +114,51 @@ def run(monkeypatch, capsys, *words):
     with pytest.raises(SystemExit) as ended:
         cli.main()
     return ended.value.code, capsys.readouterr()
+
+
+def write_dng(file, raw, to_camera, neutral):
+    """Write samples of 12 bits, black at 256, of a camera that was turned."""
+    ratios = [(round(1e4 * float(v)), 10**4) for v in (*to_camera.ravel(), *neutral)]
+    matrix, white = (sum(part, ()) for part in (ratios[:9], ratios[9:]))
+    tags = [
+        (274, 3, 1, 6, True), (33421, 3, 2, (2, 2), True), (33422, 1, 4, bytes([1, 2, 0, 1]), True),
+        (50706, 1, 4, bytes([1, 4, 0, 0]), True), (50708, 2, 0, "cvkern", True),
+        (50714, 3, 1, 256, True), (50717, 3, 1, 4095, True), (50721, 10, 9, matrix, True),
+        (50728, 5, 3, white, True), (50778, 3, 1, 21, True),
+    ]  # fmt: skip
+    tifffile.imwrite(file, raw, photometric=32803, extratags=tags, metadata=None)
+
+
+def test_a_file_of_a_camera(monkeypatch, capsys, tmp_path):
+    """Colours come back by the light and the matrix in the file, and upright."""
+    pytest.importorskip("rawpy")
+    codes = skimage.data.chelsea()[:96, 100:220]
+    linear = cvkern.convert_color(codes, "srgb", "rgb")
+    to_camera = np.array([[0.672, -0.064, -0.096], [-0.429, 1.246, 0.203], [-0.091, 0.216, 0.567]])
+    mixed = to_camera @ spaces.TO_XYZ
+    seen = linear @ mixed.T
+    neutral = mixed @ np.ones(3)
+    scale = 3800 / seen.max()
+    raw = cvkern.mosaic(np.ascontiguousarray(seen * scale), "GBRG").clip(0) + 256
+    write_dng(tmp_path / "a.dng", raw.round().astype(np.uint16), to_camera, neutral / neutral.max())
+    want = linear / linear.sum(axis=2, keepdims=True)
+    # The cat is orange, and an estimate takes a part of that for the light.
+    for words, most in (((), 0.025), (("--light", "estimate"), 0.12)):
+        given = "develop", tmp_path / "a.dng", "-o", tmp_path / "o.png", *words
+        assert run(monkeypatch, capsys, *given)[0] == 0
+        found = np.rot90(cvkern.convert_color(iio.imread(tmp_path / "o.png"), "srgb", "rgb"))
+        # Without the matrix it is 0.062 and 0.128; without the turn the shapes differ.
+        assert np.abs(found / found.sum(axis=2, keepdims=True) - want).mean() < most
+    iio.imwrite(tmp_path / "a.png", np.zeros((8, 8), np.uint8))
+    (tmp_path / "b.nef").write_bytes(b"no picture")
+    for name, words, message in (
+        ("b.nef", (), "RAW must be a camera's raw file"),
+        ("a.png", ("--light", "camera"), "light must be 'estimate' for"),
+        ("a.png", ("--light", "sun"), "light must be 'camera' or 'estimate', got 'sun'"),
+    ):
+        given = "develop", tmp_path / name, "-o", tmp_path / "o.png", *words
+        code, said = run(monkeypatch, capsys, *given)
+        assert (code, message in " ".join(said.err.split())) == (2, True)
 
 
 def test_commands(monkeypatch, capsys, tmp_path):

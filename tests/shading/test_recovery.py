@@ -151,6 +151,8 @@ IMAGE = np.ones((6, 8))
         ("mask must have shape (6, 8), got (8, 6)", IMAGE, [0, 0, 1], {"mask": IMAGE.T}),
         ("image must be finite within the mask, got others", IMAGE * np.nan, [0, 0, 1],
          {"mask": IMAGE}),
+        ("image must be at most albedo times the length of light, got a median of 2 times that: "
+         "give the albedo in the units of the image", IMAGE, [0, 0, 0.5], {}),
         ("boundary must have shape (6, 8, 3), got (6, 8, 2)", IMAGE, [0, 0, 1],
          {"boundary": np.ones((6, 8, 2))}),
         ("boundary must have at least one normal, got none: no part of the mask's border is as "

@@ -44,7 +44,8 @@ def hdr(
 ) -> None:
     """Merge exposures of a scene, and show all of it in one picture.
 
-    With `--tone fuse` no times are needed.
+    The curve of the camera is estimated from images of 8 bits; those of 16 bits are taken to be
+    linear. With `--tone fuse` no times are needed, and all images are fused as they look.
     """
     from cvkern.images.files import read_image, write_image
     from cvkern.raw.exposures import check_order
