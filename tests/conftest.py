@@ -68,6 +68,7 @@ SECONDS = {
     "scale/test_panoramas.py": 35,
     "radiance/fields/test_perceptron.py": 30,
     "radiance/test_checkpoints.py": 25,
+    "radiance/test_cuda_source.py": 25,
     "recognition/test_models.py": 20,
     "app/test_tour_radiance.py": 20,
     "runtime/test_cache.py": 18,

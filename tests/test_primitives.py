@@ -222,7 +222,7 @@ def test_thin_keeps_what_exceeds_the_limit_by_a_rounding(kernels):
 
 
 @pytest.mark.parametrize("l2", [False, True])
-@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (40, 1), (48, 65), (9, 1100)])
 def test_thin_sobel_and_hysteresis_are_canny(kernels, shape, l2):
     cv2 = pytest.importorskip("cv2")
     image = np.random.default_rng(5).integers(0, 256, shape, U8, endpoint=False)

@@ -1,4 +1,4 @@
-"""What a panorama is drawn from, and what is told of it."""
+"""What a panorama is drawn from, and the result that describes it."""
 
 from __future__ import annotations
 
@@ -95,10 +95,10 @@ def prepare(rt: Runtime, heap: Heap, plan: Plan, options: Options) -> Drawing:
     return Drawing(seams, Blend(images, sides, bands, high, channels), dtype, colour)
 
 
-def told(
+def panorama_of(
     plan: Plan, drawing: Drawing, image: Any, mask: Any, corner: tuple[int, int] = (0, 0)
 ) -> Panorama:
-    """Return a panorama that was drawn, of which a part that begins at a corner is left."""
+    """Return the result for a drawn panorama; `corner` is where the part that is kept begins."""
     canvas, alignment = plan.canvas, plan.alignment
     origin = np.array([[canvas.step, 0, canvas.left], [0, canvas.step, canvas.top], [0, 0, 1]])
     origin = origin @ np.array([[1, 0, corner[1]], [0, 1, corner[0]], [0, 0, 1]])

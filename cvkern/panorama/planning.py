@@ -70,7 +70,7 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
     return values
 
 
-def planned(
+def plan_panoramas(
     heap: Heap,
     links: list[Link],
     focals: np.ndarray | None,

@@ -12,8 +12,8 @@ from cvkern._checks import MAX_ELEMENTS, check_integer
 from cvkern._runtime import Runtime, runtime
 from cvkern.panorama.blending import blend
 from cvkern.panorama.cropping import largest_rectangle
-from cvkern.panorama.drawing import Panorama, prepare, told
-from cvkern.panorama.planning import Options, Plan, check_focals, check_options, planned
+from cvkern.panorama.drawing import Panorama, panorama_of, prepare
+from cvkern.panorama.planning import Options, Plan, check_focals, check_options, plan_panoramas
 from cvkern.panorama.recognition import silent
 from cvkern.panorama.registration import Heap, Progress, check_heap, link_images, make_small
 
@@ -117,7 +117,7 @@ def stitch(
     focals = check_focals(focal_lengths, len(checked))
     say = progress or silent
     heap = make_small(checked, data_range)
-    plans = planned(heap, link_images(heap, say), focals, options)
+    plans = plan_panoramas(heap, link_images(heap, say), focals, options)
     rt = runtime(*checked)
     found = []
     for number, plan in enumerate(plans):
@@ -132,7 +132,7 @@ def stitch(
 
 
 def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> Panorama:
-    """Draw a panorama."""
+    """Draw a planned panorama, crop it if asked, and describe it."""
     canvas = plan.canvas
     say(0.0)
     drawing = prepare(rt, heap, plan, options)
@@ -153,4 +153,4 @@ def _drawn(rt: Runtime, heap: Heap, plan: Plan, options: Options, say: Any) -> P
         of = library(image)
         image, mask = (of.contiguous(a[top:bottom, left:right], of.dtype(a)) for a in (image, mask))
         corner = top, left
-    return told(plan, drawing, image, mask, corner)
+    return panorama_of(plan, drawing, image, mask, corner)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -64,8 +65,9 @@ def _train_planes() -> None:
 
 def _train_splats() -> None:
     """Train until splats have been relocated."""
-    scene, field = _scene(), SplatField(splats=64, start="random")
-    fit(scene, field, steps=101, appearance="affine", progress=False)
+    scene, field = _scene(), SplatField(splats=64, start="random", fade=0.1)
+    masked = replace(scene, masks=np.ones(scene.images.shape[:3], bool))
+    fit(masked, field, steps=301, appearance="affine", progress=False)
 
 
 def _show_planes() -> None:

@@ -24,6 +24,7 @@ from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.wild.appearance import Appearance
 from cvkern.radiance.wild.distractors import DISTRACTORS, Distractors
 from cvkern.radiance.wild.embeddings import Embedding
+from cvkern.radiance.wild.options import check_whole
 from cvkern.radiance.wild.transient import Passing
 
 LOOK = 16  # steps between checks of the device by the host
@@ -76,11 +77,7 @@ class Trainer:
         used, state = ~scene.test, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
         if self.field.whole:
-            beside = "robust" if model.robust else "transient" if model.transient else None
-            if scene.masks is not None and beside is not None:
-                raise ValueError(f"{beside} must not go with masks for splats, got both")
-            if spread > 0:
-                raise ValueError(f"spread must be 0 for splats, got {spread:g}")
+            check_whole(scene, spread, model)
         self.field.begin(self.views)
         count = self.field.rays
         images = scene.images[used]

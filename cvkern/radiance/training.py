@@ -35,7 +35,7 @@ from cvkern.radiance.progress import shown, stoppable
 from cvkern.radiance.scenes.backgrounds import seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
-from cvkern.radiance.wild.options import Wild, check_wild
+from cvkern.radiance.wild.options import Wild, check_whole, check_wild
 
 __all__ = ["fit"]
 
@@ -240,6 +240,8 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     wild = check_wild(scene, loss, Wild(appearance, gauge, robust, transient))
+    if field == "splats" or isinstance(field, SplatField):
+        check_whole(scene, spread, wild)
     places = check_devices(devices)
     if wild.robust and len(places) > 1:
         raise ValueError(f"robust must not go with several devices, got {len(places)}")

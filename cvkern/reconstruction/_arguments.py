@@ -13,6 +13,7 @@ import numpy as np
 from cvkern._checks import as_array, as_items, as_numbers, check_choice
 from cvkern._runtime import Runtime
 from cvkern.features._photographs import as_host
+from cvkern.geometry._matrices import check_camera
 from cvkern.geometry.cameras.lens import Camera, check_lens
 from cvkern.images._formats import PHOTOGRAPHS
 from cvkern.panorama.registration import Heap, Progress, check_heap, make_small
@@ -20,7 +21,9 @@ from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._course import Options
 from cvkern.reconstruction._photographs import Lenses
 
-LEAST_FOCAL = 1e-3  # pixels: no picture has a smaller focal length, and no quotient overflows
+# Pixels. No picture has a focal length beyond these. Between them no quotient overflows, and all
+# camera matrices have inverses.
+LEAST_FOCAL, MOST_FOCAL = 1e-3, 1e9
 PAIRS = "auto", "all", "vocabulary", "sequence"
 GUESS = 1.2  # focal length of an unknown lens, in longest sides, where nothing tells it
 
@@ -94,6 +97,7 @@ def check_cameras(cameras: Any, shapes: list[tuple[int, int]]) -> Sequence[Camer
             raise ValueError(
                 f"cameras[{i}] must be for an image of shape {shape}, got {camera.shape}"
             )
+        check_camera(camera.matrix, f"cameras[{i}].matrix")
     return found
 
 
@@ -104,9 +108,9 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray:
     found = np.full(count, float(found)) if found.ndim == 0 else found
     if found.shape != (count,):
         raise ValueError(f"focal_lengths must be one, or {count}, got shape {found.shape}")
-    wrong = found[~(np.isnan(found) | (np.isfinite(found) & (found >= LEAST_FOCAL)))]
+    wrong = found[~(np.isnan(found) | ((found >= LEAST_FOCAL) & (found <= MOST_FOCAL)))]
     if len(wrong):
-        rule = f">= {LEAST_FOCAL:g} pixels and finite, or NaN"
+        rule = f"in [{LEAST_FOCAL:g}, {MOST_FOCAL:g}] pixels, or NaN"
         raise ValueError(f"focal_lengths must be {rule}, got {wrong[0]:g}")
     return found
 

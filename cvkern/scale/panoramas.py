@@ -17,8 +17,8 @@ from cvkern._files import as_path
 from cvkern._runtime import Runtime, refuse_capture, runtime, use
 from cvkern.images._exif import focal_length
 from cvkern.panorama.blending import Place, blend_tile, places_of
-from cvkern.panorama.drawing import Drawing, Panorama, prepare, told
-from cvkern.panorama.planning import Options, Plan, check_focals, check_options, planned
+from cvkern.panorama.drawing import Drawing, Panorama, panorama_of, prepare
+from cvkern.panorama.planning import Options, Plan, check_focals, check_options, plan_panoramas
 from cvkern.panorama.recognition import silent
 from cvkern.panorama.registration import Heap, Progress
 from cvkern.panorama.surfaces import Canvas
@@ -187,7 +187,7 @@ def stitch(
             given = np.array([np.nan if f is None else f for f in lengths])
         else:
             given = None if focals is None else focals[numbers]
-        plans = planned(heap, links, given, checked, [files[n].name for n in numbers])
+        plans = plan_panoramas(heap, links, given, checked, [files[n].name for n in numbers])
         tiles = Journal(journal / "tiles", how)
         for number, plan in enumerate(plans):
             text = f"Panorama {number + 1} of {len(plans)}"
@@ -282,7 +282,7 @@ def _drawn(
         at = np.s_[place.row : place.row + place.rows, place.column : place.column + place.columns]
         image[at], mask[at] = part.astype(dtype, copy=False), there
         pages.note(n)
-    return told(plan, drawing, image, mask)
+    return panorama_of(plan, drawing, image, mask)
 
 
 def _tile(

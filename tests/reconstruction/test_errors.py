@@ -8,6 +8,7 @@ from tests.reconstruction import scenes
 
 IMAGES = [np.zeros((20, 30), np.uint8)] * 2
 CAMERA = cvkern.Camera([[30, 0, 15], [0, 30, 10], [0, 0, 1]], shape=(20, 30))
+FAR = cvkern.Camera([[1e30, 0, 15], [0, 1e30, 10], [0, 0, 1]], shape=(20, 30))
 
 
 @pytest.mark.parametrize(
@@ -29,7 +30,9 @@ CAMERA = cvkern.Camera([[30, 0, 15], [0, 30, 10], [0, 0, 1]], shape=(20, 30))
         (IMAGES, {"cameras": [CAMERA]}, ValueError, "cameras must be one, or 2, got 1"),
         (IMAGES, {"cameras": [CAMERA, 3]}, TypeError, r"cameras\[1\] must be a Camera"),
         (IMAGES, {"cameras": scenes.camera()}, ValueError, r"cameras\[0\] must be for an image"),
-        (IMAGES, {"focal_lengths": 1e-320}, ValueError, "focal_lengths must be >= 0.001"),
+        (IMAGES, {"cameras": FAR}, ValueError, r"cameras\[0\]\.matrix must have an inverse"),
+        (IMAGES, {"focal_lengths": 1e-320}, ValueError, "focal_lengths must be in "),
+        (IMAGES, {"focal_lengths": 1e300}, ValueError, "focal_lengths must be in "),
         (IMAGES, {"focal_lengths": [3, 4, 5]}, ValueError, "focal_lengths must be one, or 2"),
         (IMAGES, {"focal_lengths": 9, "cameras": CAMERA}, ValueError, "must not be given with"),
         (IMAGES, {"pairs": "near"}, ValueError, "pairs must be one of"),

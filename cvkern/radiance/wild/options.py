@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from cvkern._checks import check_choice, check_flag, check_integer
-from cvkern.radiance.models import APPEARANCES
+from cvkern.radiance.models import APPEARANCES, Model
 from cvkern.radiance.scenes.photographs import Scene
 
 
@@ -33,3 +33,12 @@ def check_wild(scene: Scene, loss: str, wild: Wild) -> Wild:
         other = "robust" if robust else f"the loss {loss!r}"
         raise ValueError(f"transient must not go with {other}, got both")
     return wild._replace(robust=robust, transient=transient)
+
+
+def check_whole(scene: Scene, spread: float, wild: Wild | Model) -> None:
+    """Check the options of a field whose batches are whole photographs."""
+    beside = "robust" if wild.robust else "transient" if wild.transient else None
+    if scene.masks is not None and beside is not None:
+        raise ValueError(f"{beside} must not go with masks for splats, got both")
+    if spread > 0:
+        raise ValueError(f"spread must be 0 for splats, got {spread:g}")

@@ -3,29 +3,20 @@ Gaussian splats
 ===============
 
 A :class:`~cvkern.radiance.SplatField` has thousands of soft ellipsoids, which are sorted by depth
-and drawn one over the other, so that pictures of any size take little time. Viewers of splats read
-the file.
+and drawn one over the other, so that pictures of any size take little time.
 """
-
-import tempfile
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 
-from cvkern.radiance import SplatField, fit, load_splats, make_scene, render, write_splats
+from cvkern.radiance import SplatField, fit, make_scene, render
 
 scene = make_scene(train=40, test=1, size=64)
 held_out = int(scene.test.argmax())
 
-model = fit(scene, SplatField(splats=4096), steps=600, progress=False)
+model = fit(scene, SplatField(splats=4096), steps=400, progress=False)
+# write_splats("solids.ply", model) writes them for viewers of splats.
 
-with tempfile.TemporaryDirectory() as folder:
-    file = Path(folder) / "solids.ply"
-    write_splats(file, model)
-    again = load_splats(file, scene.cameras)
-
-large = again.cameras.scaled(6)
-view = render(again, large, held_out, background=(1, 1, 1))
+view = render(model, scene.cameras.scaled(6), held_out)
 image = scene.images[held_out] / 255
 shown = (
     ("a held-out photograph", image[..., :3] * image[..., 3:] + 1 - image[..., 3:]),

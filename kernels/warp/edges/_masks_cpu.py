@@ -2,8 +2,8 @@
 
 Sobel's kernels are [1 2 1] across and [-1 0 1] along. Thinning keeps a pixel if it is a maximum
 along the gradient; its state tells which of the thresholds it exceeds (Canny, "A computational
-approach to edge detection", TPAMI 1986). Derivatives and their lengths are computed in vectors of
-pixels. Thinning, which chooses among neighbours, and flood fill, which needs a stack, are native.
+approach to edge detection", TPAMI 1986). Derivatives of bytes, thinning, which chooses among
+neighbours, and flood fill, which needs a stack, are native.
 """
 
 from typing import Any
@@ -25,6 +25,7 @@ DIFFERENCES = wp.constant(1)
 DOWN = wp.constant(2)
 ALONG = wp.constant(5)
 MEASURES = wp.constant(8)
+STRIP = 512  # columns that are processed together, so that their lines stay in the fastest cache
 LINES = 11  # lines of a slab that differentiates
 MEASURE_LINES = 3  # lines of a slab whose derivatives are inputs
 u8_wide = wp.types.vector(WIDE, wp.uint8)
@@ -43,12 +44,11 @@ def _thin_row(interpolated: bool) -> Any:
     def thin_row(
         y: int,
         dy: wp.array2d[f32_wide],
-        dy_row: int,
         dx: wp.array2d[f32_wide],
-        dx_row: int,
         margin: int,
         lines: wp.array2d[f32_wide],
-        first: int,
+        rows: wp.vec3i,
+        columns: wp.vec2i,
         norm: int,
         limits: wp.vec2,
         framed: bool,
@@ -60,6 +60,23 @@ def _thin_row(interpolated: bool) -> Any:
 
 thin_in_sectors = _thin_row(False)
 thin_between = _thin_row(True)
+
+
+@_native.func_native(
+    "_masks_cpu.h", SUMS=SUMS, DIFFERENCES=DIFFERENCES, DOWN=DOWN, ALONG=ALONG, MEASURES=MEASURES
+)
+def sobel_row(
+    y: int,
+    src: wp.array2d[u8_wide],
+    rows: wp.vec2i,
+    ends: wp.vec2i,
+    columns: wp.vec3i,
+    cval: float,
+    norm: int,
+    # outputs
+    lines: wp.array2d[float],
+    base: int,
+): ...
 
 
 @_native.func_native("_masks_cpu.h")
@@ -81,15 +98,6 @@ def flood(
 @wp.func_native("__builtin_memset(mask.data + start, 0, stop - start);")
 def forget(start: int, stop: int, mask: wp.array[wp.uint8]):
     """Set pixels from `start` to `stop` to 0."""
-
-
-@wp.func
-def as_floats(pixels: u8_wide) -> f32_wide:
-    """Return the same values as floats."""
-    v = f32_wide()
-    for k in range(WIDE):
-        v[k] = float(pixels[k])
-    return v
 
 
 @wp.func
@@ -150,50 +158,25 @@ def thin_sobel(
     height = states.shape[0]
     columns = states.shape[1]
     both = wp.vec2(low, high)
-    behind = src.shape[1] - 1  # begin of the last vector of a row
-    sums = LINES * slab + SUMS
-    differences = LINES * slab + DIFFERENCES
-    measures = LINES * slab + MEASURES
-    for y in range(first - 1, last + 1):
-        third = (y + 3) % 3
-        if y < 0 or y >= height:
-            clear(measures + third, lines)
-        else:
-            above = border_index(y - 1, height, border)
-            below = border_index(y + 1, height, border)
-            for begin in range(0, behind + WIDE, WIDE):
-                x = wp.min(begin, behind)
-                over = f32_wide(cval)
-                under = f32_wide(cval)
-                if above >= 0:
-                    over = as_floats(src[above, x])
-                if below >= 0:
-                    under = as_floats(src[below, x])
-                here = as_floats(src[y, x])
-                wide[sums, x + 1] = over + here + here + under
-                wide[differences, x + 1] = under - over
-            for side in range(2):
-                x = wp.where(side == 0, -1, columns)
-                inside = border_index(x, columns, border)
-                at = wp.max(inside, 0) + 1
-                lines[sums, x + 1] = wp.where(inside < 0, 4.0 * cval, lines[sums, at])
-                lines[differences, x + 1] = wp.where(inside < 0, 0.0, lines[differences, at])
-            for begin in range(0, behind + WIDE, WIDE):
-                x = wp.min(begin, behind)
-                middle = wide[differences, x + 1]
-                dy = wide[differences, x] + middle + middle + wide[differences, x + 2]
-                dx = wide[sums, x + 2] - wide[sums, x]
-                wide[LINES * slab + DOWN + third, x + 1] = dy
-                wide[LINES * slab + ALONG + third, x + 1] = dx
-                wide[measures + third, x + 1] = measured(dy, dx, norm, False)
-            close(measures + third, columns, lines)
-        if y > first:
-            third = (y + 2) % 3
-            down = LINES * slab + DOWN + third
-            along = LINES * slab + ALONG + third
-            thin_in_sectors(
-                y - 1, wide, down, wide, along, 1, wide, measures, norm, both, False, states
-            )
+    base = LINES * slab
+    measures = base + MEASURES
+    ends = wp.vec2i(border_index(-1, columns, border), border_index(columns, columns, border))
+    for begin in range(0, columns, STRIP):
+        end = wp.min(begin + STRIP, columns)
+        strip = wp.vec2i(begin, end)
+        for y in range(first - 1, last + 1):
+            if y < 0 or y >= height:
+                clear(measures + (y + 3) % 3, lines)
+            else:
+                above = border_index(y - 1, height, border)
+                beside = wp.vec2i(above, border_index(y + 1, height, border))
+                sobel_row(
+                    y, src, beside, ends, wp.vec3i(begin, end, columns), cval, norm, lines, base
+                )
+            if y > first:
+                third = (y + 2) % 3
+                rows = wp.vec3i(base + DOWN + third, base + ALONG + third, measures)
+                thin_in_sectors(y - 1, wide, wide, 1, wide, rows, strip, norm, both, False, states)
 
 
 @wp.kernel
@@ -228,14 +211,12 @@ def thin(
                 wide[line, x + 1] = measured(dy[y, x], dx[y, x], norm, root)
             close(line, columns, lines)
         if y > first:
+            rows = wp.vec3i(y - 1, y - 1, measures)
+            row = wp.vec2i(0, columns)
             if rule == Thinning.SECTORS:
-                thin_in_sectors(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, both, False, states
-                )
+                thin_in_sectors(y - 1, dy, dx, 0, wide, rows, row, norm, both, False, states)
             else:
-                thin_between(
-                    y - 1, dy, y - 1, dx, y - 1, 0, wide, measures, norm, both, framed, states
-                )
+                thin_between(y - 1, dy, dx, 0, wide, rows, row, norm, both, framed, states)
                 if framed:
                     clear_frame(y - 1, states)
 

@@ -26,8 +26,10 @@ def correlate_separable(
     cval: float,
     dst: wp.array,
 ) -> None:
-    """Correlate down the rows, then along the columns; neighbours are `step` elements apart."""
-    """Correlate float32 to float32, or integers of 8 or 16 bits to the same, which are rounded."""
+    """Correlate down the rows, then along the columns; neighbours are `step` elements apart.
+
+    Both images are float32, or both are integers of 8 or 16 bits; then sums are rounded.
+    """
     planes, height, columns = src.shape
     rows = planes * height
     if dst.dtype is not wp.float32:
