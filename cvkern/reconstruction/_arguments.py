@@ -21,8 +21,8 @@ from cvkern.reconstruction._adjustment import lens_row
 from cvkern.reconstruction._course import Options
 from cvkern.reconstruction._photographs import Lenses
 
-# Pixels. No picture has a focal length beyond these. Between them, no quotient overflows, and camera
-# matrices have inverses.
+# Pixels. No picture has a focal length beyond these. Between them no quotient overflows, and all
+# camera matrices have inverses.
 LEAST_FOCAL, MOST_FOCAL = 1e-3, 1e9
 PAIRS = "auto", "all", "vocabulary", "sequence"
 GUESS = 1.2  # focal length of an unknown lens, in longest sides, where nothing tells it
