@@ -111,6 +111,19 @@ def test_pictures_of_stereo(made):
         assert film.size == (400, 270)
 
 
+def test_pictures_of_paints(made):
+    """Twins look like their paints by day, and not in the light of a lamp."""
+    day, night = (
+        np.abs(
+            np.diff(read_image(made / f"colour-{light}.webp")[35::70, 35::70].astype(int), axis=0)
+        )
+        for light in ("day", "night")
+    )
+    assert day.shape == (1, 6, 3)
+    assert day.max() < 8  # of the file's loss; the colours are equal
+    assert night.max(axis=-1).min() > 30
+
+
 def test_timings(made):
     data = json.loads((made / "timings.json").read_text())
     assert data["made_with"]["cvkern"] == cvkern.__version__

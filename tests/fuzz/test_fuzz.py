@@ -77,6 +77,14 @@ def test_a_small_budget_finds_nothing(family, calls):
     assert done.stdout.endswith(f"{calls} calls from 0 on with seed 0, 0 at fault\n")
 
 
+def test_a_million_calls_are_thousands_of_each_function():
+    """So does docs/built.md say, whatever time they take."""
+    order = turns("")
+    assert set(order) == set(CALLS)
+    shares = [order.count(name) * 10**6 / len(order) for name in CALLS]
+    assert 1900 < min(shares) < max(shares) < 5100
+
+
 def test_parts_are_all_calls():
     """Each call belongs to one part, and processes that go through all parts make all calls."""
     for family in ("", "filters"):

@@ -103,6 +103,13 @@ def test_samples_are_numpys_in_every_bit(kernels, scalar, channels, parabolas):
     np.testing.assert_array_equal(found, want)
 
 
+def test_a_camera_whose_images_have_an_unknown_shape():
+    image = np.random.default_rng(0).integers(0, 256, SIDES).astype(U8)
+    told = cvkern.undistort(image, CAMERA)
+    found = cvkern.undistort(image, cvkern.Camera(CAMERA.matrix, CAMERA.distortion))
+    np.testing.assert_array_equal(found, told)
+
+
 @pytest.mark.parametrize("dtype", [U8, F32])
 def test_without_a_lens_every_pixel_stays(backend, dtype):
     """Those of the last row and the last column, too: places are exact."""

@@ -7,9 +7,11 @@ import numpy as np
 import cvkern
 from cvkern.app.tour.clock import Clock
 from cvkern.app.tour.page import Chapter, Figure, Panel
+from cvkern.images import draw_lines
 
 LAMP = np.array([1.0, 0.62, 0.3], np.float32)  # linear colour of an old bulb's light
 STEPS = (-5, -3, -1, 1, 3)  # log2 of the exposures in seconds
+RED = 2  # the paint whose spectrum is drawn
 NOISE = 0.001  # standard deviation, as a share of white
 
 
@@ -20,8 +22,8 @@ def chapter() -> Chapter:
         "Colour, raw and HDR",
         "A camera measures one colour at each pixel, under whatever light there is, and in fewer "
         "steps than a scene has. Three steps make a picture of that: fill in the colours, take the "
-        "light out, and bring several exposures together.",
-        (_filled, _balanced, _exposures),
+        "light out, and bring several exposures together. Before them, what a colour is at all.",
+        (_univariance, _filled, _balanced, _exposures),
     )
 
 
@@ -31,6 +33,43 @@ def _shown(linear: np.ndarray) -> np.ndarray:
 
 def _enlarged(image: np.ndarray, times: int) -> np.ndarray:
     return image.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def _univariance(_: Clock) -> Figure:
+    waves = np.arange(380.0, 781.0, 5.0)
+    paints = cvkern.color_chart(waves).values.T[12:18]
+    twins = np.stack([cvkern.metamer(paint, "D65", "A") for paint in paints])
+    apart = [
+        cvkern.metameric_difference(paint, twin, "A")
+        for paint, twin in zip(paints, twins, strict=True)
+    ]
+
+    def patches(light: str) -> np.ndarray:
+        """Show the paints above, and beneath them those that look alike by day."""
+        xyz = cvkern.spectrum_to_xyz(np.stack([paints, twins]), waves, light=light)
+        codes = cvkern.convert_color(xyz, "xyz", "srgb", adapt=(light, "D65"), dtype="uint8")
+        return _enlarged(codes, 70)
+
+    plot = np.full((140, 420, 3), 255, np.uint8)
+    columns = np.linspace(4, plot.shape[1] - 5, len(waves))
+    for spectrum, color in ((paints[RED], (200, 40, 40)), (twins[RED], (40, 40, 200))):
+        rows = 4 + (plot.shape[0] - 9) * (1 - spectrum)
+        ends = np.stack([rows, columns], axis=1)
+        plot = draw_lines(plot, np.hstack([ends[:-1], ends[1:]]), color=color, width=2)
+    return Figure(
+        "Two paints, one colour",
+        "A cone of the eye answers a photon in one way, whatever its wavelength: this is the "
+        "principle of univariance. All that is left of a spectrum are the answers of three kinds "
+        "of cones, so paints of very different spectra look the same. Below each of six paints is "
+        "such a twin. By day nothing tells them apart. In the light of a lamp they differ by "
+        f"{min(apart):.0f} to {max(apart):.0f} (CIEDE2000; a difference of one is hardly seen).",
+        'twin = cvkern.metamer(paint, "D65", "A")\ncvkern.metameric_difference(paint, twin, "A")',
+        (
+            Panel("colour-spectra", plot, "the red paint and its twin, 380 to 780 nm"),
+            Panel("colour-day", patches("D65"), "six paints and their twins by day"),
+            Panel("colour-night", patches("A"), "the same in the light of a lamp"),
+        ),
+    )
 
 
 def _filled(clock: Clock) -> Figure:

@@ -23,6 +23,7 @@ _NEWTON_STEPS = 10
 _WIDEST = 1e6  # largest tangent of the angle between a ray and the optical axis
 # Largest residual of a converged point, in units of the focal length.
 _MET = 1e-9
+UNKNOWN = 1, 1  # shape of images that is not told
 MOST_SIDE = 2**16  # pixels along a side of an image
 SKEWED = 1e-9  # least skew that is refused, as a share of the focal length
 
@@ -37,8 +38,8 @@ class Camera:
         Camera matrix, ``[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]`` in pixels.
     distortion : sequence of 0 to 5 numbers, default ()
         k1, k2, p1, p2, k3 of OpenCV's lens model; missing ones are 0.
-    shape : (int, int)
-        Rows and columns of the images.
+    shape : (int, int), default (1, 1)
+        Rows and columns of the images; (1, 1) if they are not known, and not needed.
 
     Raises
     ------
@@ -66,7 +67,7 @@ class Camera:
     """Camera matrix, (3, 3) float64: it acts on (x, y, 1), x the column, y the row."""
     distortion: Any = ()
     """k1, k2, p1, p2, k3 of OpenCV's lens, (5,) float64."""
-    shape: tuple[int, int] = (1, 1)
+    shape: tuple[int, int] = UNKNOWN
     """Rows and columns of the images."""
 
     def __post_init__(self) -> None:

@@ -15,6 +15,7 @@ from cvkern.geometry._matrices import check_matrix
 from cvkern.geometry.cameras.calibration import numbers_of
 from cvkern.geometry.cameras.lens import (
     MOST_SIDE,
+    UNKNOWN,
     Camera,
     bent,
     check_lens,
@@ -41,7 +42,8 @@ def undistort(
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C)
-        Image of `camera`, of its shape; at least 2 x 2, with at most 4 channels. Any real dtype.
+        Image of `camera`, of its shape if that is known; at least 2 x 2, with at most 4 channels.
+        Any real dtype.
     camera : Camera
         The camera and its lens.
     matrix : array of shape (3, 3), optional
@@ -91,7 +93,7 @@ def undistort(
     image = check_image(image, ndim=(2, 3))
     sides = tuple(image.shape)
     camera = check_lens(camera)
-    if sides[:2] != camera.shape:
+    if camera.shape not in (UNKNOWN, sides[:2]):
         raise ValueError(f"image must have the shape of the camera, {camera.shape}, got {sides}")
     if min(sides[:2]) < 2:
         raise ValueError(f"image must have at least 2 rows and 2 columns, got shape {sides}")

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from cvkern._runtime import runtime
-from cvkern.kernels.codes.splats import Splats
+from cvkern.kernels.codes.splats import Draw, Splats
 from cvkern.radiance.rendering import owned
 from cvkern.radiance.splats.relocation import MOST_COPIES, relocated, shared
 from tests.radiance.fields.reference_splats import rotation
+from tests.radiance.reference_radiance import random_bits
 
 
 def test_copies_hide_as_much_and_look_alike():
@@ -78,6 +79,17 @@ def test_learning_kernels(more):
     plain = np.einsum("nj,njk->nk", moved, turns) / share / np.exp(2 * before.scales)
     assert abs(plain.mean()) < 0.1
     assert plain.std() == pytest.approx(1, abs=0.06)
+    halves = [
+        random_bits(5, 3, np.arange(count), which + k).astype(np.int64) >> shift & 0xFFFF
+        for which in (Draw.X, Draw.Y, Draw.Z) for k in range(2) for shift in (0, 16)
+    ]  # fmt: skip
+    wanted = (np.reshape(halves, (3, 4, count)).sum(axis=1).T - 131070) * 3**0.5 / 65536
+    wanted = np.einsum("nj,njk->nk", wanted, turns)
+    # These splats move by up to 5, where float32 has steps of 5e-7, and in units of 0.05 at least.
+    unit = share * np.exp(2 * before.scales)
+    large = (unit > 0.05).all(axis=1) & (unit < 1).all(axis=1)
+    assert large.sum() > 20
+    np.testing.assert_allclose(plain[large], wanted[large], atol=2e-5)
     kernels.wander(rate, 2.0, 5, step, values)
     np.testing.assert_allclose(
         rows_of(rt, values).means - before.means, 2 * moved, rtol=1e-3, atol=1e-5
@@ -89,13 +101,14 @@ def test_learning_kernels(more):
     rows = np.array([[4, 9], [7, 9], [2, 3]], np.int32)
     numbers = np.array([[1, 0.5], [2, -0.5], [3, 0]], np.float32)
     kernels.relocate(owned(rt, rows), owned(rt, numbers), values, mean, square)
-    found, moments = rows_of(rt, values), rows_of(rt, mean)
+    found, moments = rows_of(rt, values), [rows_of(rt, moment) for moment in (mean, square)]
     for name in ("means", "turns", "colors") + (("sides",) if more else ()):
         wanted = getattr(still, name).copy()
         wanted[rows[:, 0]] = wanted[rows[:, 1]]
         np.testing.assert_array_equal(getattr(found, name), wanted)
-        assert not getattr(moments, name)[rows[:, 0]].any()
-        assert getattr(moments, name)[rows[:, 1]].all()
+        for moment in moments:
+            assert not getattr(moment, name)[rows[:, 0]].any()
+            assert getattr(moment, name)[rows[:, 1]].all()
     np.testing.assert_allclose(found.scales[4], still.scales[9] + 0.5, rtol=1e-6)
     np.testing.assert_array_equal(found.opacities[[4, 7, 2], 0], [1, 2, 3])
 

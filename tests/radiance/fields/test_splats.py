@@ -102,6 +102,23 @@ def test_entries_without_room_are_those_of_the_farthest():
 
 
 @pytest.mark.usefixtures("backend")
+@pytest.mark.parametrize("large", [1, 2, 3])
+def test_sums_beyond_int32_list_no_more_entries(large):
+    """Splats that cover 2^31 tiles and more: sums of int32 turn negative, then positive again."""
+    rt, run = runtime(), Run(runtime(), Case(3 + large, 70, 50), room=9)
+    boxes = np.tile(np.array([0, 0, 2**16 - 2, 2**15], np.int32), (3 + large, 1))
+    boxes[0], boxes[-2:] = [1, 0, 2, 1], [0, 0, 1, 1]
+    rt.write(run.screen.boxes, boxes)
+    rt.write(run.screen.keys, np.arange(3 + large, dtype=np.int32))
+    run.kernels.lists.sort(run.screen, *run.lists[:3])
+    sums = (boxes[:, 2:].astype(np.int64).prod(axis=1)).cumsum()
+    np.testing.assert_array_equal(run.read(run.lists)[2], np.minimum(sums, 2**31 - 1))
+    run.kernels.lists.fill(run.screen, 5, run.lists)
+    sources = run.read(run.lists)[4]
+    np.testing.assert_array_equal(np.sort(sources), np.arange(9))
+
+
+@pytest.mark.usefixtures("backend")
 @pytest.mark.parametrize(
     ("lens", "degree"), [(STRAIGHT, 3), (BENT, 3), (STRAIGHT, 0)], ids=["straight", "bent", "plain"]
 )

@@ -19,6 +19,7 @@ i32_1 = ti.types.ndarray(dtype=ti.i32, ndim=1)
 i32_2 = ti.types.ndarray(dtype=ti.i32, ndim=2)
 
 BITS = 8  # bits of a digit
+END = 0x7FFFFFFF  # the number of entries that more of them leave as it is
 
 
 @ti.kernel
@@ -92,6 +93,12 @@ def _deal_digits(
             sorted_order[place] = order[n]
 
 
+@ti.func
+def _sum(total: ti.i32, more: ti.i32) -> ti.i32:
+    """Return a sum of entries, END at most, whatever the order of its terms."""
+    return total + more if more < END - total else END
+
+
 @ti.kernel
 def _add_up(
     boxes: i32_2,  # (N, 4)
@@ -103,7 +110,7 @@ def _add_up(
         count, parts = order.shape[0], sums.shape[0]
         total = 0
         for rank in range(_bound(count, part, parts), _bound(count, part + 1, parts)):
-            total += boxes[order[rank], 2] * boxes[order[rank], 3]
+            total = _sum(total, boxes[order[rank], 2] * boxes[order[rank], 3])
         sums[part] = total
 
 
@@ -120,9 +127,9 @@ def _end(
         count, parts = order.shape[0], sums.shape[0]
         total = 0
         for before in range(part):
-            total += sums[before]
+            total = _sum(total, sums[before])
         for rank in range(_bound(count, part, parts), _bound(count, part + 1, parts)):
-            total += boxes[order[rank], 2] * boxes[order[rank], 3]
+            total = _sum(total, boxes[order[rank], 2] * boxes[order[rank], 3])
             ranks[order[rank]] = rank
             ends[rank] = total
 
@@ -154,12 +161,10 @@ def sort(screen: codes.Screen, order: np.ndarray, ranks: np.ndarray, ends: np.nd
 
 @ti.func
 def _begin_of(ends: ti.template(), rank: ti.i32) -> ti.i32:
-    """Return the first entry of a splat; none follows one beyond the range of sums."""
+    """Return the first entry of a splat."""
     begin = 0
     if rank > 0:
         begin = ends[rank - 1]
-    if begin < 0:
-        begin = 0x7FFFFFFF
     return begin
 
 

@@ -56,6 +56,24 @@ def measure_kernel(
         counts[rank] = boxes[n, 2] * boxes[n, 3]
 
 
+@wp.kernel
+def limit_kernel(
+    stride: int,
+    first: int,
+    last: int,
+    # outputs
+    ends: wp.array[int],  # (N,): sums of entries, END from the first one beyond int32 on
+):
+    """Keep the sums from turning negative, and positive again."""
+    for _turn in range(first + wp.tid(), last, stride):
+        beyond = int(0)
+        for rank in range(ends.shape[0]):
+            if ends[rank] < 0:
+                beyond = 1
+            if beyond != 0:
+                ends[rank] = END
+
+
 def sort(screen: codes.Screen, order: wp.array, ranks: wp.array, ends: wp.array) -> None:
     """Order splats by depth, and number their entries, as `Lists` has all three."""
     count, device = order.shape[0], order.device
@@ -64,6 +82,8 @@ def sort(screen: codes.Screen, order: wp.array, ranks: wp.array, ends: wp.array)
     _sort(keys, values, count, 31)
     launch_each(measure_kernel, count, 4 * count, [screen.boxes, values], [order, ranks, ends])
     scan(ends)
+    if not device.is_cuda:
+        launch_each(limit_kernel, 1, 1, [], [ends])
 
 
 def _sort(keys: wp.array, values: wp.array, count: int, bits: int) -> None:
