@@ -120,7 +120,7 @@ def test_pictures_of_paints(made):
         for light in ("day", "night")
     )
     assert day.shape == (1, 6, 3)
-    assert day.max() < 8  # of the file's loss; the colours are equal
+    assert day.max() < 8  # what the file loses: the colours are equal
     assert night.max(axis=-1).min() > 30
 
 

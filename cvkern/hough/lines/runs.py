@@ -15,10 +15,10 @@ from cvkern.hough.lines._support import AIM, codes_of, normal_of, vote_listed
 from cvkern.hough.lines._tables import SUBPIXEL
 from cvkern.kernels.codes.hough import DENSITY, DIRECTION_FACTOR
 
-# Times that a point may move to the next line, in each fit of each round of votes. The second fit
-# of the first round joins the parts of lines that are too long for one bin. On York Urban, a third
-# round would find 0.01 more of the annotated segments.
-_CHANGES = (0, 1), (2,)
+# Times that a point may move to the next line, in each fit of the first round of votes, and of the
+# later ones. The second fit of the first round joins parts of lines that are too long for one bin.
+_FIRST_CHANGES, _CHANGES = (0, 1), (2,)
+_WORTH = 0.25  # share of the segments so far; a round that finds fewer is the last
 
 
 class Rule(NamedTuple):
@@ -62,9 +62,9 @@ def find_segments(
     segments = [np.zeros((0, 4))]
     number = int(points.shape[0])
     none = rt.send("runs.none", np.full(number, -1, np.int32))
-    for turn, fits in enumerate(_CHANGES):
-        if not number:
-            break
+    turn, worth = 0, True
+    while number and worth:
+        fits = _CHANGES if turn else _FIRST_CHANGES
         fixed = rt.scratch("runs.fixed", (number, 2), np.int32)
         codes = rt.scratch("runs.codes", (number,), np.int32)
         rt.hough.lines.runs.prepare(points, directions, float(SUBPIXEL), fixed, codes)
@@ -82,9 +82,11 @@ def find_segments(
                 ends = _ends(rt, edges, found, theta, rho, first)
         if found is None or not found.number:
             break
+        worth = found.number >= _WORTH * sum(map(len, segments))
         segments.append(ends)
-        if turn + 1 < len(_CHANGES):
+        if worth:
             points, directions, number = _left(rt, edges, found, turn % 2)
+        turn += 1
     return np.concatenate(segments)
 
 

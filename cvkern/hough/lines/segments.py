@@ -298,7 +298,7 @@ def detect_segments(
 
     Sub-pixel edges vote for lines across their gradients. Along the line of each peak, a segment is
     fitted to edges that follow one another without a gap, and these edges are removed. The others
-    vote once more.
+    vote again, until a round finds few segments.
 
     Parameters
     ----------
