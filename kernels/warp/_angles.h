@@ -20,10 +20,15 @@ struct Alike {
     static inline float angle(float y, float x) {
 #pragma clang fp contract(off)
         const float ax = x < 0.0f ? -x : x, ay = y < 0.0f ? -y : y;
-        const float high = ax < ay ? ay : ax, low = ax < ay ? ax : ay;
+        return angle(y, x, ay > ax, ax < ay ? ax : ay, ax < ay ? ay : ax);
+    }
+
+    // The same, from whether |y| > |x|, and the smaller and the larger of both.
+    static inline float angle(float y, float x, bool steep, float low, float high) {
+#pragma clang fp contract(off)
         const float a = high > 0.0f ? low / (high > 0.0f ? high : 1.0f) : 0.0f;
         float r = turn(a);
-        r = ay > ax ? 1.5707963267948966f - r : r;
+        r = steep ? 1.5707963267948966f - r : r;
         r = x < 0.0f ? 3.141592653589793f - r : r;
         return y < 0.0f ? -r : r;
     }

@@ -1,19 +1,20 @@
 """Gradients on the CPU: one thread per slab of rows, one vector of pixels at a time.
 
-A derivative is a difference in one direction and a smoothing in the other. The rows around a row
-are read once for both derivatives; two lines of scratch hold their sums, which are then correlated
-along the row.
+A derivative is a difference in one direction and a smoothing in the other. Lines of scratch hold
+the sums of the rows around a row, which are then correlated along the row. Two rows whose windows
+lie inside the image are processed together, as in _linear_cpu.py.
 """
 
 from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._angles import atan2
+from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, f32_lanes, f32_wide
 from cvkern.kernels.warp._structs import struct_of
 
-from ._separable_cpu import Lines, both_down, fill_margins, sum_along
+from ._linear_cpu import along, pair_down
+from ._separable_cpu import Lines, fill_margins, sum_down
 
 # Without fused multiply-add a sum has the same bits on every device.
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -35,22 +36,17 @@ def outside_of(columns: int, given: Any) -> Any:
     return struct_of(Outside, (columns, *given))
 
 
-@wp.func
-def lengths(dy: f32_wide, dx: f32_wide) -> f32_wide:
-    """Return ``sqrt(dx^2 + dy^2)``."""
-    squares = wp.cw_mul(dx, dx) + wp.cw_mul(dy, dy)
-    for k in range(WIDE):
-        squares[k] = wp.sqrt(squares[k])
-    return squares
-
-
-@wp.func
-def angles(dy: f32_wide, dx: f32_wide) -> f32_wide:
-    """Return the angle of each (dx, dy)."""
-    turned = f32_wide()
-    for k in range(WIDE):
-        turned[k] = atan2(dy[k], dx[k])
-    return turned
+@_native.func_native("_gradients_cpu.h")
+def polar_row(
+    dy: wp.array3d[f32_wide],  # (1, H, N - 63)
+    dx: wp.array3d[f32_wide],
+    row: int,
+    size: int,
+    # outputs
+    magnitude: wp.array3d[f32_wide],
+    orientation: wp.array3d[f32_wide],
+):
+    """Write the lengths and the angles of `size` derivatives of a row."""
 
 
 @wp.kernel
@@ -63,37 +59,43 @@ def differentiate(
     slope: wp.array[float],  # (2 r + 1,)
     outside: Outside,
     # scratch
-    lines: Lines,  # (2 slabs, r + N + r): smoothed rows, and rows of differences
+    lines: Lines,  # (4 slabs, r + N + r): two smoothed rows, and two rows of differences
     # outputs
-    dy: wp.array2d[f32_wide],  # (H, N - 63)
-    dx: wp.array2d[f32_wide],
-    magnitude: wp.array2d[f32_wide],  # None where it is not asked for
-    orientation: wp.array2d[f32_wide],
+    dy: wp.array3d[f32_wide],  # (1, H, N - 63)
+    dx: wp.array3d[f32_wide],
+    magnitude: wp.array3d[f32_wide],  # None where it is not asked for
+    orientation: wp.array3d[f32_wide],
 ):
-    stored = dy.shape[1] + WIDE - 1
-    margin = smooth.shape[0] // 2
-    smoothed = 2 * slab
-    sloped = 2 * slab + 1
-    for y in range(first, last):
-        for lane in range((stored + LANES - 1) // LANES):
-            x = wp.min(lane * LANES, stored - LANES)
-            both_down(
-                src, y, x, smooth, slope, outside.border, outside.cval, lines.lanes,
-                smoothed, margin + x,
-            )  # fmt: skip
-        columns = outside.columns
-        border = outside.border
-        fill_margins(lines.values, smoothed, margin, columns, 1, border, outside.smooth)
-        fill_margins(lines.values, sloped, margin, columns, 1, border, outside.slope)
-        for lane in range((stored + WIDE - 1) // WIDE):
-            x = wp.min(lane * WIDE, stored - WIDE)
-            down = sum_along(lines.wide, sloped, x, 1, smooth)
-            along = sum_along(lines.wide, smoothed, x, 1, slope)
-            dy[y, x] = down
-            dx[y, x] = along
+    height = dy.shape[1]
+    stored = dy.shape[2] + WIDE - 1
+    reach = smooth.shape[0] // 2
+    smoothed = 4 * slab
+    sloped = smoothed + 2
+    border = outside.border
+    columns = outside.columns
+    y = int(first)
+    while y < last:
+        pair = y + 1 < last and y >= reach and y + 1 + reach < height
+        if pair:
+            pair_down(src, y, smooth, lines.values, smoothed, reach, stored)
+            pair_down(src, y, slope, lines.values, sloped, reach, stored)
+        else:
+            for lane in range((stored + LANES - 1) // LANES):
+                x = wp.min(lane * LANES, stored - LANES)
+                lines.lanes[smoothed, reach + x] = sum_down(
+                    src, 0, y, height, x, smooth, border, outside.cval
+                )
+                lines.lanes[sloped, reach + x] = sum_down(
+                    src, 0, y, height, x, slope, border, outside.cval
+                )
+        for k in range(wp.where(pair, 2, 1)):
+            fill_margins(lines.values, smoothed + k, reach, columns, 1, border, outside.smooth)
+            fill_margins(lines.values, sloped + k, reach, columns, 1, border, outside.slope)
+            along(lines.values, sloped + k, 1, smooth, stored, dy, y + k)
+            along(lines.values, smoothed + k, 1, slope, stored, dx, y + k)
             if magnitude:
-                magnitude[y, x] = lengths(down, along)
-                orientation[y, x] = angles(down, along)
+                polar_row(dy, dx, y + k, stored, magnitude, orientation)
+        y += wp.where(pair, 2, 1)
 
 
 @wp.kernel
@@ -101,16 +103,14 @@ def polar(
     slab: int,
     first: int,
     last: int,
-    dy: wp.array2d[f32_wide],  # (1, N)
-    dx: wp.array2d[f32_wide],
+    dy: wp.array3d[f32_wide],  # (1, H, N - 63)
+    dx: wp.array3d[f32_wide],
     # outputs
-    magnitude: wp.array2d[f32_wide],
-    orientation: wp.array2d[f32_wide],
+    magnitude: wp.array3d[f32_wide],
+    orientation: wp.array3d[f32_wide],
 ):
-    for lane in range(first, last):
-        i = wp.min(lane * WIDE, dy.shape[1] - 1)
-        magnitude[0, i] = lengths(dy[0, i], dx[0, i])
-        orientation[0, i] = angles(dy[0, i], dx[0, i])
+    for y in range(first, last):
+        polar_row(dy, dx, y, dy.shape[2] + WIDE - 1, magnitude, orientation)
 
 
 @wp.kernel

@@ -8,7 +8,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp._borders import border_index
-from cvkern.kernels.warp._lanes_cpu import f32_lanes, f32_wide, vectors
+from cvkern.kernels.warp._lanes_cpu import f32_lanes, vectors
 from cvkern.kernels.warp._launch import scratch
 
 
@@ -18,7 +18,6 @@ class Lines:
 
     values: wp.array2d[float]
     lanes: wp.array2d[f32_lanes]
-    wide: wp.array2d[f32_wide]
 
 
 def lines(name: str, shape: tuple[int, int], device: Any) -> Any:
@@ -28,7 +27,7 @@ def lines(name: str, shape: tuple[int, int], device: Any) -> Any:
     if made is None:
         made = values.__dict__["lines"] = Lines()
         made.values = values
-        made.lanes, made.wide = vectors(values, f32_lanes), vectors(values, f32_wide)
+        made.lanes = vectors(values, f32_lanes)
     return made
 
 
@@ -57,79 +56,6 @@ def sum_down(
             if i >= 0:
                 v = src[top + i, x]
             acc += taps[t] * v
-    return acc
-
-
-@wp.func
-def pair_down(
-    src: wp.array2d[f32_lanes],  # (P H, N)
-    row: int,  # row of the array
-    x: int,
-    taps: wp.array[float],
-    # outputs
-    line: wp.array2d[f32_lanes],
-    first_line: int,
-    at: int,
-):
-    """Sum the rows around `row` and around the next; all are inside, and each is read once."""
-    n = taps.shape[0]
-    top = row - n // 2
-    v = src[top, x]
-    a = taps[0] * v
-    b = f32_lanes(0.0)
-    for t in range(1, n):
-        v = src[top + t, x]
-        a += taps[t] * v
-        b += taps[t - 1] * v
-    b += taps[n - 1] * src[top + n, x]
-    line[first_line, at] = a
-    line[first_line + 1, at] = b
-
-
-@wp.func
-def both_down(
-    src: wp.array2d[f32_lanes],  # (H, N - 31)
-    y: int,
-    x: int,
-    smooth: wp.array[float],
-    slope: wp.array[float],
-    border: int,
-    cval: float,
-    # outputs
-    line: wp.array2d[f32_lanes],
-    first_line: int,
-    at: int,
-):
-    """Sum the rows around row `y` by two kernels of equal length; each row is read only once."""
-    n = smooth.shape[0]
-    first = y - n // 2
-    a = f32_lanes(0.0)
-    b = f32_lanes(0.0)
-    if first >= 0 and first + n <= src.shape[0]:
-        for t in range(n):
-            v = src[first + t, x]
-            a += smooth[t] * v
-            b += slope[t] * v
-    else:
-        for t in range(n):
-            i = border_index(first + t, src.shape[0], border)
-            v = f32_lanes(cval)
-            if i >= 0:
-                v = src[i, x]
-            a += smooth[t] * v
-            b += slope[t] * v
-    line[first_line, at] = a
-    line[first_line + 1, at] = b
-
-
-@wp.func
-def sum_along(
-    line: wp.array2d[f32_wide], row: int, x: int, step: int, taps: wp.array[float]
-) -> f32_wide:
-    """Sum the pixels around the vector at `x` of a line, weighted by the taps."""
-    acc = f32_wide(0.0)
-    for t in range(taps.shape[0]):
-        acc += taps[t] * line[row, x + t * step]
     return acc
 
 

@@ -74,15 +74,14 @@ def _differentiate(
     wide_src = padded(src, "differentiate.src", WIDE)
     wide = [padded(a, f"differentiate.{i}", WIDE) for i, a in enumerate(outputs)]
     count = slabs(height, src.size)
-    shape = (2 * count, wide_src.shape[1] + smooth.shape[0] - 1)
+    shape = (4 * count, wide_src.shape[1] + smooth.shape[0] - 1)
     line = lines("differentiate.line", shape, src.device)
-    wide_outputs = [vectors(a, f32_wide) for a in wide]
     launch_slabs(
         cpu.differentiate,
         height,
         count,
         [vectors(wide_src, f32_lanes), smooth, slope, cpu.outside_of(columns, outside), line],
-        wide_outputs if polar else [*wide_outputs, None, None],
+        _planes(wide) if polar else [*_planes(wide), None, None],
     )
     for a, b in zip(wide, outputs, strict=True):
         unpad(a, b)
@@ -94,11 +93,11 @@ def polar(dy: wp.array, dx: wp.array, magnitude: wp.array, orientation: wp.array
     if dy.device.is_cuda:
         launch(cuda.polar, size, _flat(dy, dx), _flat(magnitude, orientation))
         return
-    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, magnitude, orientation)]
+    rows = size // dy.shape[-1]
+    given = [view(a, wp.float32, (rows, dy.shape[-1])) for a in (dy, dx, magnitude, orientation)]
     wide = [padded(a, f"polar.{i}", WIDE) for i, a in enumerate(given)]
-    views = [vectors(a, f32_wide) for a in wide]
-    vectors_of_all = -(-size // WIDE)
-    launch_slabs(cpu.polar, vectors_of_all, slabs(vectors_of_all, size), views[:2], views[2:])
+    views = _planes(wide)
+    launch_slabs(cpu.polar, rows, slabs(rows, size), views[:2], views[2:])
     for a, b in zip(wide[2:], given[2:], strict=True):
         unpad(a, b)
 
@@ -133,3 +132,8 @@ def confine(mask: wp.array, dst: wp.array) -> None:
 
 def _flat(*arrays: wp.array) -> list[wp.array]:
     return [view(a, wp.float32, (a.size,)) for a in arrays]
+
+
+def _planes(wide: list[wp.array]) -> list[wp.array]:
+    """Return images as planes of vectors."""
+    return [vectors(view(a, wp.float32, (1, *a.shape)), f32_wide) for a in wide]
