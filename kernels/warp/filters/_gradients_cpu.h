@@ -1,7 +1,7 @@
 #include "../_angles.h"
 
-// Lengths and angles of the derivatives of a row. The smaller and the larger of a number and NaN are
-// the number, as in _angles.py.
+// Write the lengths and the angles of the derivatives of a row. A minimum or a maximum of a number
+// and NaN is the number, as in _angles.py.
 void polar_row(wp::array_t<Wide> dy, wp::array_t<Wide> dx, int row, int size,
                wp::array_t<Wide> magnitude, wp::array_t<Wide> orientation) {
 #pragma clang fp contract(off)

@@ -1,7 +1,7 @@
-// Sum the rows around `row` and around the next, weighted by the taps, into two lines; all rows are
-// inside the image, and each is read once.
+// Sum the rows around `row` and around the next, weighted by the taps, into two lines, from column
+// `first` to before column `last`. All rows are inside the image, and each is read once.
 void pair_down(wp::array_t<Lanes> src, int row, wp::array_t<float> taps, wp::array_t<float> lines,
-               int first_line, int margin, int size) {
+               int first_line, int margin, int first, int last) {
 #pragma clang fp contract(off)
     typedef float Sixteen __attribute__((vector_size(64)));
     typedef float Stored __attribute__((vector_size(64), aligned(4), may_alias));
@@ -13,8 +13,8 @@ void pair_down(wp::array_t<Lanes> src, int row, wp::array_t<float> taps, wp::arr
     float* two = one + lines.shape[1];
     // A parameter of 64 bytes allows the registers of 64 bytes in this function.
     const auto add = [](Sixteen a, Sixteen b) __attribute__((always_inline)) { return a + b; };
-    for (int begin = 0; begin < size; begin += 64) {
-        const int x = begin < size - 64 ? begin : size - 64;
+    for (int begin = first; begin < last; begin += 64) {
+        const int x = begin < last - 64 ? begin : last - 64;
         Sixteen a[4], b[4];
         const float* from = top + x;
         for (int k = 0; k < 4; ++k)

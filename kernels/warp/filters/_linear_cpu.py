@@ -30,7 +30,8 @@ def pair_down(
     lines: wp.array2d[float],
     first_line: int,
     margin: int,
-    size: int,
+    first: int,
+    last: int,
 ): ...
 
 
@@ -84,7 +85,7 @@ def correlate_separable(
         y = row - plane * height
         pair = row + 1 < last and y >= reach and y + 1 + reach < height
         if pair:
-            pair_down(src, row, taps_y, lines.values, 2 * slab, margin, stored)
+            pair_down(src, row, taps_y, lines.values, 2 * slab, margin, 0, stored)
         else:
             for lane in range((stored + LANES - 1) // LANES):
                 x = wp.min(lane * LANES, stored - LANES)
@@ -141,7 +142,7 @@ def _integers(scalar: Any, most: str) -> wp.Kernel:
             for k in range(0, number, 2):
                 middle = base + reach + k
                 pair_down(
-                    room.rows.lanes, middle, taps_y, room.line.values, 2 * slab, margin, stored
+                    room.rows.lanes, middle, taps_y, room.line.values, 2 * slab, margin, 0, stored
                 )
                 for one in range(wp.min(2, number - k)):
                     line = 2 * slab + one

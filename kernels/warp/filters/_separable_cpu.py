@@ -9,7 +9,9 @@ import warp as wp
 
 from cvkern.kernels.warp._borders import border_index
 from cvkern.kernels.warp._lanes_cpu import f32_lanes, vectors
-from cvkern.kernels.warp._launch import scratch
+from cvkern.kernels.warp._launch import scratch, view
+
+REGISTER = 16  # floats; sums of three pixels take 1.2 times as long if lines are not aligned
 
 
 @wp.struct
@@ -20,15 +22,18 @@ class Lines:
     lanes: wp.array2d[f32_lanes]
 
 
-def lines(name: str, shape: tuple[int, int], device: Any) -> Any:
-    """Return scratch memory as lines."""
-    values = scratch(name, shape, wp.float32, device)
-    made = values.__dict__.get("lines")
-    if made is None:
-        made = values.__dict__["lines"] = Lines()
-        made.values = values
-        made.lanes = vectors(values, f32_lanes)
-    return made
+def lines(name: str, count: int, size: int, margin: int, device: Any) -> Any:
+    """Return scratch memory as lines of `size` pixels between margins; pixel 0 is aligned."""
+    pitch = -(-(size + 2 * margin) // REGISTER) * REGISTER
+    values = scratch(name, (count * pitch + REGISTER,), wp.float32, device)
+    kept = values.__dict__.setdefault("lines", {})
+    if (count, margin) not in kept:
+        start = -(values.ptr // 4 + margin) % REGISTER
+        whole = values[start : start + count * pitch]
+        made = kept[count, margin] = Lines()
+        made.values = view(whole, wp.float32, (count, pitch))
+        made.lanes = vectors(made.values, f32_lanes)
+    return kept[count, margin]
 
 
 @wp.func

@@ -74,8 +74,8 @@ def _differentiate(
     wide_src = padded(src, "differentiate.src", WIDE)
     wide = [padded(a, f"differentiate.{i}", WIDE) for i, a in enumerate(outputs)]
     count = slabs(height, src.size)
-    shape = (4 * count, wide_src.shape[1] + smooth.shape[0] - 1)
-    line = lines("differentiate.line", shape, src.device)
+    margin = smooth.shape[0] // 2
+    line = lines("differentiate.line", 4 * count, wide_src.shape[1], margin, src.device)
     launch_slabs(
         cpu.differentiate,
         height,

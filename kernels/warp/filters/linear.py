@@ -44,9 +44,8 @@ def correlate_separable(
     wide_src, wide_dst = (padded(a, f"correlate.{i}", WIDE) for i, a in enumerate(flat))
     stored = wide_dst.shape[1]
     count = slabs(rows, src.size)
-    line = lines(
-        "correlate.line", (2 * count, stored + taps_x.shape[0] // 2 * step * 2), dst.device
-    )
+    margin = taps_x.shape[0] // 2 * step
+    line = lines("correlate.line", 2 * count, stored, margin, dst.device)
     launch_slabs(
         cpu.correlate_separable,
         rows,
@@ -71,9 +70,9 @@ def _correlate_integers(
     count, stored = slabs(rows, src.size), max(columns, WIDE)
     held = cpu.ROWS + taps_y.shape[0]
     room = cpu.Room()
-    room.rows = lines("correlate.rows", (count * held, stored), device)
-    width = stored + taps_x.shape[0] // 2 * step * 2
-    room.line = lines("correlate.line", (2 * count, width), device)
+    room.rows = lines("correlate.rows", count * held, stored, 0, device)
+    margin = taps_x.shape[0] // 2 * step
+    room.line = lines("correlate.line", 2 * count, stored, margin, device)
     room.whole = scratch("correlate.sums", (count, stored), wp.float32, device)
     room.sums = vectors(view(room.whole, wp.float32, (1, count, stored)), f32_wide)
     flat = [view(a, a.dtype, (rows, columns)) for a in (src, dst)]
