@@ -28,7 +28,7 @@ def lines(name: str, count: int, size: int, margin: int, device: Any) -> Any:
     values = scratch(name, (count * pitch + REGISTER,), wp.float32, device)
     kept = values.__dict__.setdefault("lines", {})
     if (count, margin) not in kept:
-        start = -(values.ptr // 4 + margin) % REGISTER
+        start = -((values.ptr or 0) // 4 + margin) % REGISTER
         whole = values[start : start + count * pitch]
         made = kept[count, margin] = Lines()
         made.values = view(whole, wp.float32, (count, pitch))
