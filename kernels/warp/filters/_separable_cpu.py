@@ -8,8 +8,9 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp._borders import border_index
+from cvkern.kernels.warp._internals import view_at
 from cvkern.kernels.warp._lanes_cpu import f32_lanes, vectors
-from cvkern.kernels.warp._launch import scratch, view
+from cvkern.kernels.warp._launch import scratch
 
 REGISTER = 16  # floats; sums of three pixels take 1.2 times as long if lines are not aligned
 
@@ -25,15 +26,16 @@ class Lines:
 def lines(name: str, count: int, size: int, margin: int, device: Any) -> Any:
     """Return scratch memory as lines of `size` pixels between margins; pixel 0 is aligned."""
     pitch = -(-(size + 2 * margin) // REGISTER) * REGISTER
-    values = scratch(name, (count * pitch + REGISTER,), wp.float32, device)
+    values = scratch(name, (count + 1, pitch), wp.float32, device)
+    address = values.ptr or 0
+    start = -(address // 4 + margin) % REGISTER
     kept = values.__dict__.setdefault("lines", {})
-    if (count, margin) not in kept:
-        start = -((values.ptr or 0) // 4 + margin) % REGISTER
-        whole = values[start : start + count * pitch]
-        made = kept[count, margin] = Lines()
-        made.values = view(whole, wp.float32, (count, pitch))
+    if start not in kept:
+        made = kept[start] = Lines()
+        made.values = view_at(address + 4 * start, wp.float32, (count, pitch), device)
+        made.values.owner = values
         made.lanes = vectors(made.values, f32_lanes)
-    return kept[count, margin]
+    return kept[start]
 
 
 @wp.func
