@@ -10,11 +10,11 @@ import numpy as np
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._photographs import as_host, check_photograph, prepared, white_of
-from cvkern.features.keypoints import Features, sift
+from cvkern.features.keypoints import Features
 from cvkern.features.matching import match_descriptors
 from cvkern.geometry.fitting import scaled
 from cvkern.geometry.maps import find_homography
-from cvkern.panorama.registration import mapped, resized, to_small
+from cvkern.panorama.registration import keypoints_of, mapped, resized, to_small
 from cvkern.transform.projective import warp_perspective
 
 # Distance of a point from where the first homography puts it, in parts of the longest side.
@@ -150,7 +150,7 @@ def match_photographs(
     whites = [white_of(image, data_range) for image in images]
     rt = runtime(*images)
     grays = [_gray(rt, *given) for given in zip(images, whites, strict=True)]
-    found = [sift(gray, max_keypoints, data_range=1.0) for gray in grays]
+    found = [keypoints_of(gray, max_keypoints, data_range=1.0) for gray in grays]
     pairs = match_descriptors(found[0].descriptors, found[1].descriptors, max_ratio)
     pairs = as_host(rt, pairs)
     one, other = points = [_on_host(rt, features) for features in found]
@@ -168,7 +168,7 @@ def match_photographs(
         source, target = grays[side], grays[1 - side]
         sides = tuple(source.shape), tuple(target.shape)
         view, mask = _drawn(rt, source, there, sides[1])
-        drawn = sift(view, max_keypoints, mask=mask, data_range=1.0)
+        drawn = keypoints_of(view, max_keypoints, mask=mask, data_range=1.0)
         near.append(_near(_on_host(rt, drawn), points[1 - side], there, sides, farthest))
     seen, back = near
     growth = _growth(matrix, back.points1)

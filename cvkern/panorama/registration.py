@@ -20,6 +20,7 @@ from cvkern.transform.resampling import resize
 
 WORK_PIXELS = 600_000  # size at which images are compared; larger ones are reduced to it
 KEYPOINTS = 2000  # points of an image
+FEW, FAINT = 500, 0.01  # an image with fewer points shows fainter ones too, up to this contrast
 MAX_RATIO = 0.75  # nearest distance over the second nearest
 THRESHOLD = 3.0  # distance of an inlier, in pixels of the compared images
 LEAST_MATCHES = 8
@@ -200,7 +201,15 @@ def keypoints(image: Any, white: float) -> Features:
         return Features(none.reshape(0, 2), none, none, none, np.zeros((0, 128), np.uint8))
     if len(image.shape) == 3 and image.shape[2] == 1:
         image = image.reshape(image.shape[:2])
-    return sift(image, KEYPOINTS, spread=True, data_range=white)
+    return keypoints_of(image, KEYPOINTS, spread=True, data_range=white)
+
+
+def keypoints_of(image: Any, most: int, **options: Any) -> Features:
+    """Return the features of SIFT; fainter ones too, if there are few."""
+    found = sift(image, most, **options)
+    if len(found.points) >= min(FEW, most):
+        return found
+    return sift(image, most, contrast_threshold=FAINT, **options)
 
 
 def _accepted(

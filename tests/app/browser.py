@@ -13,6 +13,7 @@ import imageio.v3 as iio
 import pytest
 
 NAMES = "chromium", "chromium-browser", "google-chrome"
+PATIENCE = 120  # seconds; on two busy cores without a GPU, a page takes half a minute
 
 
 class Tab:
@@ -25,7 +26,7 @@ class Tab:
         self.number += 1
         self.socket.send(json.dumps({"id": self.number, "method": method, "params": params}))
         while True:
-            said = json.loads(self.socket.recv(timeout=30))
+            said = json.loads(self.socket.recv(timeout=PATIENCE))
             if said.get("method") == "Runtime.exceptionThrown":
                 self.errors.append(said["params"]["exceptionDetails"]["text"])
             if said.get("id") == self.number:
@@ -36,7 +37,7 @@ class Tab:
         data = self.call("Page.captureScreenshot", format="png")["data"]
         return iio.imread(io.BytesIO(base64.b64decode(data)), extension=".png")[..., :3]
 
-    def until(self, condition, seconds=30):
+    def until(self, condition, seconds=PATIENCE):
         """Look at the page until it meets a condition, and return what it shows."""
         end = time.monotonic() + seconds
         while not condition(seen := self.picture()):
@@ -60,7 +61,7 @@ def opened(address, folder):
     )
     try:
         port = folder / "DevToolsActivePort"
-        end = time.monotonic() + 30
+        end = time.monotonic() + PATIENCE
         while not port.exists() or not port.read_text().strip():
             assert time.monotonic() < end
             assert process.poll() is None
@@ -73,7 +74,7 @@ def opened(address, folder):
             tab.call("Runtime.enable")
             tab.call("Page.enable")
             tab.call("Page.navigate", url=address)
-            while json.loads(socket.recv(timeout=30)).get("method") != "Page.loadEventFired":
+            while json.loads(socket.recv(timeout=PATIENCE)).get("method") != "Page.loadEventFired":
                 pass
             yield tab
     finally:

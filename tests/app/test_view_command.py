@@ -11,7 +11,7 @@ import skimage.data
 import cvkern
 from cvkern.clouds import write_ply
 from cvkern.radiance import SplatField, VoxelField, fit, make_scene, write_splats
-from tests.app.browser import opened
+from tests.app.browser import PATIENCE, opened
 
 pytest.importorskip("viser")
 from cvkern.app.viewer.clouds import cloud_page
@@ -51,7 +51,9 @@ def test_a_field_is_drawn_while_it_trains(tmp_path):
     scene = make_scene(train=4, test=1, size=24)
     page = FieldPage(scene.cameras)
     with opened(page.page.address, tmp_path) as tab:
+        end = time.monotonic() + PATIENCE
         while not page.moved:
+            assert time.monotonic() < end
             time.sleep(0.05)
         texts = []
 
@@ -84,7 +86,7 @@ def test_a_cloud_and_a_map(tmp_path):
                 "Input.dispatchMouseEvent", type=kind, x=289, y=229, button="left", clickCount=1
             )
         said = "document.body.innerText"
-        end = time.monotonic() + 20
+        end = time.monotonic() + PATIENCE
         while (
             "row 10, column 15: 315, depth 3150"
             not in tab.call("Runtime.evaluate", expression=said)["result"]["value"]

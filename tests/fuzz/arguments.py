@@ -117,7 +117,7 @@ class Call(NamedTuple):
 
     `equal` may be a device, the only one on which they do.
 
-    `but` tells of arguments for which the sets may differ, as docs/built.md says.
+    `but` tells of arguments for which the sets may differ, as their documentation says.
     """
 
     function: Callable[..., Any]

@@ -85,6 +85,13 @@ def test_a_heap(backend, sheet, strangers):
     assert (panorama.image[~panorama.mask] == 0).all()
 
 
+def test_a_heap_of_little_contrast(sheet, strangers):
+    """None of its keypoints has SIFT's contrast."""
+    heap = [(90 + 0.1 * image).astype(np.uint8) for image in (sheet[0], strangers[1], sheet[1])]
+    assert len(cvkern.sift(heap[0], data_range=255).points) < 10
+    assert cvkern.recognize_panoramas(heap) == ([[0, 2], [1]], [(0, 2)])
+
+
 def test_sets_give_the_same_bits(sheet):
     found = []
     for name in ("warp", "taichi"):
