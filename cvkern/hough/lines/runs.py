@@ -6,6 +6,7 @@ The host computes what each line or segment has once; kernels do the work for ea
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +16,11 @@ from cvkern.hough.lines._support import AIM, codes_of, normal_of, vote_listed
 from cvkern.hough.lines._tables import SUBPIXEL
 from cvkern.kernels.codes.hough import DENSITY, DIRECTION_FACTOR
 
-# Times that a point may move to the next line, in each fit of the first round of votes, and of the
-# later ones. The second fit of the first round joins parts of lines that are too long for one bin.
-_FIRST_CHANGES, _CHANGES = (0, 1), (2,)
-_WORTH = 0.25  # share of the segments so far; a round that finds fewer is the last
+# Largest angles between a gradient and the normal of its line, in the passes of each fit: narrow
+# ones first. The second fit of the first round joins parts of lines that are too long for one bin.
+_FIRST_AIMS = (AIM,), (AIM / 4, AIM / 2, AIM)
+_AIMS = ((AIM / 4, AIM),)
+_WORTH = 0.2  # share of the segments so far; a round that finds fewer is the last
 
 
 class Rule(NamedTuple):
@@ -64,7 +66,7 @@ def find_segments(
     none = rt.send("runs.none", np.full(number, -1, np.int32))
     turn, worth = 0, True
     while number and worth:
-        fits = _CHANGES if turn else _FIRST_CHANGES
+        fits = _AIMS if turn else _FIRST_AIMS
         fixed = rt.scratch("runs.fixed", (number, 2), np.int32)
         codes = rt.scratch("runs.codes", (number,), np.int32)
         rt.hough.lines.runs.prepare(points, directions, float(SUBPIXEL), fixed, codes)
@@ -73,13 +75,16 @@ def find_segments(
         least = DENSITY * rule.min_length
         theta, rho = vote_listed(rt, fixed, count, directions, size, least)
         ends, found = np.zeros((0, 4)), None
-        for fit, changes in enumerate(fits, 1):
-            found = _supported(rt, edges, theta, rho, rule, changes)
+        for fit, aims in enumerate(fits, 1):
+            found = _supported(rt, edges, theta, rho, rule, aims)
             if not found.number:
                 break
-            theta, rho, first = _fitted(rt, edges, found)
+            theta, rho, first, numbers = _fitted(rt, edges, found)
             if fit == len(fits):
                 ends = _ends(rt, edges, found, theta, rho, first)
+            else:  # The longest part of a line comes first: it takes the points of the others.
+                longest = np.argsort(-numbers, kind="stable")
+                theta, rho = theta[longest], rho[longest]
         if found is None or not found.number:
             break
         worth = found.number >= _WORTH * sum(map(len, segments))
@@ -91,12 +96,18 @@ def find_segments(
 
 
 def _supported(
-    rt: Runtime, edges: _Edges, theta: np.ndarray, rho: np.ndarray, rule: Rule, changes: int
+    rt: Runtime,
+    edges: _Edges,
+    theta: np.ndarray,
+    rho: np.ndarray,
+    rule: Rule,
+    aims: Sequence[float],
 ) -> _Runs:
     """Return the long and dense runs of points along the lines.
 
-    A stronger line that only crosses a segment must not take points from it. So a point that
-    belongs to no segment of its line is moved to the next line that it is on, `changes` times.
+    A stronger line that only crosses a segment must not take points from it: at 10 degrees it would
+    take 11 pixels. So the first pass gives a point only to a line that is nearly across its
+    gradient. A point of a run keeps its line, and the others choose again with the next, wider aim.
     """
     number = edges.number
     order = rt.scratch("runs.order", (2 * number,), np.int32)
@@ -111,18 +122,17 @@ def _supported(
         np.stack((cosine, sine)),
         codes_of(theta).astype(np.int32),
     )
-    tolerance = math.floor(AIM * DIRECTION_FACTOR)
     labels = rt.scratch("runs.labels", (number,), np.int32)
     total = rt.scratch("runs.total", (1,), np.int32)
     after = rt.scratch("runs.after", (number,), np.int32)
     limits = rule.max_gap, rule.min_length
     module = rt.hough.lines.runs
-    for change in range(changes + 1):
-        if change:
-            module.pass_on(labels, chosen, after)
+    for turn, aim in enumerate(aims):
+        if turn:
+            module.hold(labels, chosen, after)
         rt.hough.lines.segments.claim(
-            edges.points, edges.codes, after if change else edges.none, lines, normals,
-            float(np.float32(rule.distance)), tolerance, labels,
+            edges.points, edges.codes, after if turn else edges.none, lines, normals,
+            float(np.float32(rule.distance)), math.floor(aim * DIRECTION_FACTOR), labels,
         )  # fmt: skip
         module.cut(
             edges.points, edges.codes, labels, exact, normals, limits, order, runs, chosen, total
@@ -130,8 +140,8 @@ def _supported(
     return _Runs(order, runs, chosen, int(rt.to_numpy(total)[0]))
 
 
-def _fitted(rt: Runtime, edges: _Edges, found: _Runs) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return angle and distance of the lines that fit the runs, and the first point's direction."""
+def _fitted(rt: Runtime, edges: _Edges, found: _Runs) -> tuple[np.ndarray, ...]:
+    """Fit a line to each run: angle, distance, the first point's direction, number of points."""
     sums = rt.scratch("runs.sums", (found.number, 8), np.float64)
     rt.hough.lines.runs.add_up(edges.points, edges.directions, found.order, found.runs, sums)
     y, x, first, down, along, yy, xx, xy = rt.to_numpy(sums).T
@@ -140,7 +150,7 @@ def _fitted(rt: Runtime, edges: _Edges, found: _Runs) -> tuple[np.ndarray, np.nd
     covariance = yy - number * down**2, xx - number * along**2, xy - number * down * along
     theta = normal_of(*covariance)
     rho = (x + along) * np.cos(theta) + (y + down) * np.sin(theta)
-    return theta, rho, first.copy()
+    return theta, rho, first.copy(), number
 
 
 def _ends(

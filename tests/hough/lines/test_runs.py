@@ -93,8 +93,8 @@ def test_points_are_prepared_and_left(kernels):
     np.testing.assert_array_equal(fixed, np.floor(points.astype(F64) * 4096 + 0.5))
     np.testing.assert_array_equal(coded, codes)
     chosen = (np.random.default_rng(1).random(999) < 0.4).astype(U8)
-    after = kernels("hough.lines.runs.pass_on", labels, chosen, out=[((999,), I32)])
-    np.testing.assert_array_equal(after, np.where(chosen, labels - 1, labels))
+    after = kernels("hough.lines.runs.hold", labels, chosen, out=[((999,), I32)])
+    np.testing.assert_array_equal(after, np.where(chosen, labels - 1, -1))
     out = [((999, 2), F32), ((999,), F32), ((1,), I32)]
     left, turned, total = kernels("hough.lines.runs.keep", points, directions, chosen, out=out)
     np.testing.assert_array_equal(left[: total[0]], points[chosen == 0])

@@ -342,20 +342,20 @@ def reach(
 
 
 @ti.kernel
-def _pass_on(
+def _hold(
     labels: i32_1,
     chosen: u8_1,
     # outputs
     after: i32_1,
 ):
     for i in after:
-        after[i] = labels[i] - ti.cast(chosen[i], ti.i32)
+        after[i] = labels[i] * ti.cast(chosen[i], ti.i32) - 1
 
 
 @primitive
-def pass_on(labels: np.ndarray, chosen: np.ndarray, after: np.ndarray) -> None:
-    """Return the label that a point has to come after: its own, unless it is in a run."""
-    _pass_on(labels, chosen, after)
+def hold(labels: np.ndarray, chosen: np.ndarray, after: np.ndarray) -> None:
+    """Return the label that a point has to come after: a point of a run keeps its line."""
+    _hold(labels, chosen, after)
 
 
 @ti.kernel

@@ -293,7 +293,7 @@ def join(
 
 
 @wp.kernel
-def pass_on(
+def hold(
     stride: int,
     first: int,
     last: int,
@@ -303,7 +303,7 @@ def pass_on(
     after: wp.array[int],
 ):
     for i in range(first + wp.tid(), last, stride):
-        after[i] = labels[i] - int(chosen[i])
+        after[i] = labels[i] * int(chosen[i]) - 1
 
 
 @wp.kernel

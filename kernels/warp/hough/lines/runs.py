@@ -86,9 +86,9 @@ def reach(
     launch_each(each.join, number, partial.size, [partial], [ends])
 
 
-def pass_on(labels: wp.array, chosen: wp.array, after: wp.array) -> None:
-    """Return the label that a point has to come after: its own, unless it is in a run."""
-    _launch(each.pass_on, labels, [labels, chosen], [after])
+def hold(labels: wp.array, chosen: wp.array, after: wp.array) -> None:
+    """Return the label that a point has to come after: a point of a run keeps its line."""
+    _launch(each.hold, labels, [labels, chosen], [after])
 
 
 def keep(
