@@ -110,11 +110,11 @@ def _share(
     device: wp.Device,
 ) -> None:
     """Launch a CPU kernel `count` times; each thread takes the next free launch."""
-    left = iter(range(count))
+    left, given = iter(range(count)), list(arguments)
 
     def work() -> None:
         for slab in left:
-            _send(kernel, 1, (*head(slab), *arguments), device)
+            _send(kernel, 1, (*head(slab), *given), device)
 
     if count == 1:
         work()
@@ -124,6 +124,7 @@ def _share(
     # Nothing is left for a thread that has not begun: waiting for it would cost its wake-up.
     begun = [other for other in others if not other.cancel()]
     wait(begun)
+    given.clear()  # a cancelled launch stays in the queue for a while, and would keep the arrays
     for other in begun:
         other.result()
 
