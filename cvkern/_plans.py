@@ -27,7 +27,7 @@ _PLAIN = frozenset((int, float, str, bool, type(None)))  # types of options whos
 
 
 class _Thread(threading.local):
-    """The plans of a thread: a number of calls before there is one, False where none is exact."""
+    """The plans of a thread: 1 after the first call, then a plan, or False if none is exact."""
 
     def __init__(self) -> None:
         self.plans: dict[Any, Any] = {}

@@ -111,11 +111,11 @@ def apply_matrix(
         raise ValueError(f"dtype must be float32 for {target!r}, got uint8")
     rt = runtime(image)
     given = library(image).dtype(image)
-    white = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}.get(given, 1)
+    most = {np.dtype(np.uint8): 255, np.dtype(np.uint16): 65535}.get(given, 1)
     shape = tuple(image.shape)
     flat = (int(np.prod(shape[:-1])), 3)
     # On identity curves the scale could join the matrix; sRGB's curve needs it before.
-    scale = np.float32(1 / white if source == "srgb" else 1)
+    scale = np.float32(1 / most if source == "srgb" else 1)
     numbers = np.append(matrix.astype(np.float32).ravel(), scale)
     result = rt.empty(shape, dtype)
     source_form = int(FORMS.get(source, Form.LINEAR))
