@@ -232,3 +232,17 @@ def test_stereo_match(shape, dtype, seed, method, paths, first, count, subpixel,
             speckle_size=speckle_size, smoothing=smoothing, window=5,
         )
     )  # fmt: skip
+
+
+def test_orientations_beside_nan_and_infinity():
+    image = noise(9, 70).astype(np.float32)
+    image[4, 30], image[2, 10], image[2, 12] = np.nan, np.inf, -np.inf
+    found = []
+    for kernels in KERNEL_SETS:
+        with cvkern.use(backend=kernels):
+            found.append(cvkern.gradient(image, sigma=1.0))
+    alone = np.isnan(found[0].dy) ^ np.isnan(found[0].dx)
+    assert alone.any()
+    for gradient in found:
+        assert np.isnan(gradient.orientation[alone]).all()
+    np.testing.assert_array_equal(*(gradient.orientation for gradient in found))
