@@ -21,8 +21,7 @@ from cvkern.edges.quantiles import ranks_of
 from cvkern.edges.slopes import find_slopes
 from cvkern.kernels.codes.edges import Edge, Norm, Thinning
 
-_ROUNDS = 128  # steps from the border after which a flood of the tile is faster
-_AROUND = np.array([[-1, -1, -1, 0, 0, 1, 1, 1], [-1, 0, 1, -1, 1, -1, 0, 1]])
+_FEW = 4096  # undecided pixels of a tile beyond which a flood of it is faster
 _EDGE = 1  # node of all pixels that are edges already; 0 is no node
 Place = tuple[slice, slice]
 
@@ -201,30 +200,42 @@ def flooded(states: np.ndarray) -> np.ndarray:
 def _reaching(states: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Return the places of weak pixels, no edges, that weak ones connect with the border, int32.
 
-    As a rule they are few and near the border, so rounds that begin there read little of the tile.
-    `states` loses them then.
+    As a rule they are few and near the border, so they are looked up one by one. `states` loses
+    them then.
     """
     height, width = states.shape
-    flat, decided = states.reshape(-1), edges.reshape(-1)
-    rows, columns = np.arange(height) * width, np.arange(width)
-    rim = (columns, columns + (height - 1) * width, rows, rows + width - 1)
-    front, found = np.unique(np.concatenate(rim)), [np.zeros(0, np.int64)]
-    for _ in range(_ROUNDS):
-        front = front[(flat[front] == Edge.WEAK) & ~decided[front]]
-        if not len(front):
-            return np.sort(np.concatenate(found)).astype(np.int32)
-        flat[front] = Edge.NONE
-        found.append(front)
-        y, x = (
-            part[:, None] + step for part, step in zip(divmod(front, width), _AROUND, strict=True)
+    pair = states.reshape(-1), edges.reshape(-1).view(np.uint8)
+    weak, decided = (memoryview(a) for a in pair)  # pyright: ignore[reportArgumentType]
+    begins = [
+        first + step * np.flatnonzero((states[side] == Edge.WEAK) & ~edges[side])
+        for side, first, step in (
+            (np.s_[0], 0, 1),
+            (np.s_[-1], (height - 1) * width, 1),
+            (np.s_[:, 0], 0, width),
+            (np.s_[:, -1], width - 1, width),
         )
-        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-        front = np.unique((y * width + x)[inside])
-    flat[np.concatenate(found)] = Edge.WEAK
-    weak = np.where(decided, np.uint8(Edge.NONE), flat).reshape(states.shape)
-    for side in (weak[0], weak[-1], weak[:, 0], weak[:, -1]):
+    ]
+    front, found = np.concatenate(begins).tolist(), []
+    state = int(Edge.WEAK)
+    while front and len(found) < _FEW:
+        place = front.pop()
+        if weak[place] != state:  # found already
+            continue
+        weak[place] = Edge.NONE
+        found.append(place)
+        y, x = divmod(place, width)
+        for row in range(max(y - 1, 0) * width, min(y + 2, height) * width, width):
+            for near in range(row + max(x - 1, 0), row + min(x + 2, width)):
+                if weak[near] == state and not decided[near]:
+                    front.append(near)
+    if not front:
+        return np.sort(np.array(found, np.int32))
+    flat = states.reshape(-1)
+    flat[found] = Edge.WEAK
+    left = np.where(edges, np.uint8(Edge.NONE), states)
+    for side in (left[0], left[-1], left[:, 0], left[:, -1]):
         side[side > 0] = Edge.STRONG
-    return np.flatnonzero(flooded(weak)).astype(np.int32)
+    return np.flatnonzero(flooded(left)).astype(np.int32)
 
 
 def _labelled(packed: bytes, width: int) -> tuple[np.ndarray, np.ndarray, int]:

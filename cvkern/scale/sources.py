@@ -9,6 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cvkern.images.files import read_image
+from cvkern.scale.mapped import touch
 from cvkern.scale.targets import TIFF, zarr_array
 
 Place = tuple[slice, slice]
@@ -64,13 +65,14 @@ class _Pieces:
     def __init__(self, file: Path, page: Any) -> None:
         self.file, self.decode, self.tables = file, page.decode, page.jpegtables
         self.shape, self.dtype = tuple(page.shape), np.dtype(page.dtype)
-        self.sides, self.places = page.chunks[:2], (page.dataoffsets, page.databytecounts)
+        self.chunks = tuple(page.chunks[:2])
+        self.places = page.dataoffsets, page.databytecounts
 
     def __getitem__(self, place: Place) -> np.ndarray:
         (top, bottom, _), (left, right, _) = (
             part.indices(size) for part, size in zip(place, self.shape, strict=False)
         )
-        high, wide = self.sides
+        high, wide = self.chunks
         across = -(-self.shape[1] // wide)
         window = np.zeros((bottom - top, right - left, *self.shape[2:]), self.dtype)
         with open(self.file, "rb") as stream:
@@ -137,7 +139,7 @@ def images_of(source: Any, number: int) -> tuple[tuple[Any, ...], tuple[int, ...
 
 
 def cut(source: Any, window: Place, name: str) -> np.ndarray:
-    """Return a window of a source, as an array of its own layout."""
+    """Return a window of a source; that of an array of NumPy is no copy."""
     _check_file(source, name)
     try:
         part = source[window]
@@ -148,10 +150,11 @@ def cut(source: Any, window: Place, name: str) -> np.ndarray:
         ) from error
     if isinstance(part, np.ma.MaskedArray):
         raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
-    part = np.ascontiguousarray(part)
+    part = np.asarray(part)
     want = tuple(side.stop - side.start for side in window)
     if part.shape[:2] != want:
         raise ValueError(f"{name} must keep its shape, got {part.shape} in place of {want}")
+    touch(part)
     return part
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from cvkern.scale.engines import optional
+from cvkern.scale.grids import chunks_of
+from cvkern.scale.mapped import MappedRows, let_go
 
 TIFF = ".tif", ".tiff"
 SUFFIXES = ".npy", ".tif", ".zarr"
@@ -106,7 +110,57 @@ class _Mask:
         return self.image[place] > 0
 
     def __setitem__(self, place: Any, mask: np.ndarray) -> None:
-        self.image[place] = np.where(mask, 255, 0)
+        self.image[place] = _bytes_of(mask)
+
+
+def _bytes_of(mask: np.ndarray) -> np.ndarray:
+    return mask.view(np.uint8) * np.uint8(255)
+
+
+def image_of(target: Any) -> Any:
+    """Return the array that holds the pixels of a target."""
+    return target.image if isinstance(target, _Mask) else target
+
+
+class Writer:
+    """Writes tiles into a target, from several threads."""
+
+    def __init__(self, target: Any, sides: Sequence[int]) -> None:
+        self.target = target
+        self.image = image_of(target)
+        self.rows = MappedRows.of(self.image)
+        # If two tiles write into one chunk at once, one takes back what the other has written.
+        chunk = chunks_of(target)
+        apart = isinstance(self.image, np.ndarray) or (
+            chunk is not None
+            and all(
+                side >= size or side % part == 0
+                for side, size, part in zip(sides, target.shape, chunk, strict=False)
+            )
+        )
+        self.lock = contextlib.nullcontext() if apart else threading.Lock()
+
+    def write(self, places: Sequence[Any], parts: Sequence[np.ndarray]) -> None:
+        """Write parts of the result, as a rule those of a row of tiles."""
+        if self.rows and places[0][0] is not ... and self._whole(places):
+            stored = parts if self.image is self.target else [_bytes_of(part) for part in parts]
+            self.rows.write(places[0][0].start, stored)
+            return
+        for place, part in zip(places, parts, strict=True):
+            with self.lock:
+                self.target[place] = part
+
+    def _whole(self, places: Sequence[Any]) -> bool:
+        return (places[0][1].start, places[-1][1].stop) == (0, self.image.shape[1])
+
+    def let_go(self, rows: slice) -> None:
+        """Let go of the memory of rows that are finished."""
+        let_go(self.image, rows)
+
+    def close(self) -> None:
+        """Close the file of the target."""
+        if self.rows:
+            self.rows.close()
 
 
 def zarr_array(file: Path, name: str, **options: Any) -> Any:

@@ -9,43 +9,31 @@ edges are joined across the seams afterwards (`edges`).
 from __future__ import annotations
 
 import contextlib
+import threading
 import warnings
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import partial
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 import cvkern
 from cvkern._checks import check_integer, check_pair
-from cvkern._runtime import check_devices, choice, pinned, refuse_capture, use
+from cvkern._runtime import check_devices, refuse_capture
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
+from cvkern.scale.edges import Place, Seams, add_edges, thresholds, tile_edges
+from cvkern.scale.grids import BAND, TILE, Tile, bands_of, sides_of, tiles_of
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
+from cvkern.scale.mapped import let_go
+from cvkern.scale.pipelines import Band, Read, computed, told
 from cvkern.scale.sources import cut, images_of
-from cvkern.scale.targets import check_targets
+from cvkern.scale.targets import Writer, check_targets, image_of
 from cvkern.scale.votes import line_votes, shape_votes
 
-TILE = 2048
 MAPS = "mask", "orientation", "weights"  # options that are images, read tile by tile
 VOTES = "generalized_hough", "generalized_hough_votes", "hough_line"  # sums over tiles
 WHOLE = *VOTES, "stereo_match"  # functions of all tiles, or of two images
 LEADING = ("hough_circle",)  # results whose last axes are rows and columns
-
-
-class Tile(NamedTuple):
-    """A part of the image, and the window with a halo from which it is computed."""
-
-    number: int
-    inner: tuple[slice, slice]
-    """Rows and columns of the image that the tile fills."""
-    window: tuple[slice, slice]
-    """Rows and columns that are read."""
-    inside: tuple[slice, slice]
-    """Rows and columns of the window that the tile consists of."""
 
 
 def apply(
@@ -53,7 +41,7 @@ def apply(
     source: Any,
     target: Any = None,
     *,
-    tile: int | tuple[int, int] = TILE,
+    tile: int | tuple[int, int] | None = None,
     journal: Any = None,
     devices: Sequence[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
@@ -61,7 +49,7 @@ def apply(
 ) -> Any:
     """Apply a function tile by tile, in bounded memory.
 
-    While one tile is computed, the next is read and the last is written.
+    While two tiles are computed and written, the next is read.
 
     Parameters
     ----------
@@ -78,8 +66,10 @@ def apply(
         with several results need one target for each. It must not share memory with `source`.
         Space on disk for memory maps is taken first, where the system can. None for `hough_line`,
         `generalized_hough` and `generalized_hough_votes`, whose votes are added up in memory.
-    tile : int or (int, int), default 2048
-        Height and width of a tile, pixels; of `stereo_match`, strips have all columns.
+    tile : int or (int, int), optional
+        Height and width of a tile, pixels; of `stereo_match`, strips have all columns. By default,
+        multiples of the chunks in which an array is stored, near 2048; for arrays of NumPy and
+        memory maps, 1024 x 4096 or, for wide halos, more rows and fewer columns.
     journal : path, optional
         A folder that is made, in which finished tiles are noted. After a run that was killed, the
         same call goes on with the others. It is removed at the end. The function, its options and
@@ -141,21 +131,20 @@ def apply(
     reach = halo(function, **options)
     name = function if isinstance(function, str) else function.__name__
     sources, shape = images_of(source, 2 if name == "stereo_match" else 1)
-    sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
-    if name == "stereo_match":
-        sides[1] = shape[1]
     maps = {key: options.pop(key) for key in MAPS if options.get(key) is not None}
     for key, values in maps.items():
         if np.shape(values) != shape[:2]:
             raise ValueError(f"{key} must have shape {shape[:2]}, got {np.shape(values)}")
+    lazy = hasattr(sources[0], "__dask_graph__")
+    sides = _sides(name, tile, shape, reach, _listed(target), () if lazy else sources)
     tiles = list(tiles_of(shape[:2], sides, reach))
     places = check_devices(devices)
-    if hasattr(sources[0], "__dask_graph__"):
+    if lazy:
         if journal is not None or progress is not None:
             raise ValueError("journal and progress must be None for an array of Dask")
         return _lazy(name, source, target, tiles, options, maps)
 
-    def read(tile: Tile) -> tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]:
+    def read(tile: Tile) -> Read:
         windows = tuple(cut(one, tile.window, "source") for one in sources)
         return windows, {key: cut(one, tile.window, key) for key, one in maps.items()}
 
@@ -163,67 +152,136 @@ def apply(
         if journal is not None or target is not None:
             raise ValueError(f"journal and target must be None for {name}")
         if name == "hough_line":
-            return line_votes(_told(tiles, read, progress), shape[:2], options)
+            return line_votes(told(tiles, read, progress), shape[:2], options)
         if "orientation" not in maps:
             raise ValueError("orientation must be given in tiles, with a mask of edges, got None")
-        return shape_votes(name, _told(tiles, read, progress), shape[:2], options)
+        return shape_votes(name, told(tiles, read, progress), shape[:2], options)
     seams = Seams(shape[:2]) if name == "canny" else None
-    call = tile_edges if seams else getattr(cvkern, name)
     plan = {"function": name, "shape": shape, "tile": sides, "options": options}
     book = Journal(journal, plan | {"maps": sorted(maps)})
     if book.begun and target is None:
         raise ValueError("target must be given to go on with a journal, got None")
 
-    inherited = pinned()
-
-    def write(tile: Tile, results: list[np.ndarray], states: np.ndarray | None) -> None:
-        for one, result in zip(targets, results, strict=True):
-            one[_at(name, tile.inner)] = result
-        kept = {}
-        if seams and states is not None:
-            with inherited():
-                kept = seams.left(states, results[0])
-            if journal is None:
-                seams.add(tile.inner, kept)
-        book.note(tile.number, kept)
-
     if seams and options.get("use_quantiles"):
         low, high = thresholds(tiles, read, options)
         options |= {"low_threshold": low, "high_threshold": high, "use_quantiles": False}
-    targets: list[Any] = []
-    found: Any = None
-    waiting = [t for t in tiles if book.kept(t.number) is None]
-    with ThreadPoolExecutor(1) as pool:
-        written: Future[None] | None = None
-        work = partial(call, **options)
-        for n, (part, found) in enumerate(_computed(_ahead(waiting, read), work, places)):
-            parts = found if isinstance(found, tuple) else (found,)
-            results = [r[_at(name, part.inside)] for r in parts]
-            states = None
-            if seams:
-                states = np.ascontiguousarray(results[0])
-                results = [flooded(states)]
-            if not targets:
-                targets += _targets(name, target, results, shape, (*sources, *maps.values()))
-            if written:
-                written.result()
-            written = pool.submit(write, part, results, states)
+    with _Job(name, target, shape, sides, (*sources, *maps.values()), options) as job:
+        waiting = [t for t in tiles if book.kept(t.number) is None]
+        bands = bands_of(waiting, shape[1] if job.gathers else 0)
+        for n, (part, kept) in enumerate(computed(bands, read, job, places)):
+            if seams and journal is None:
+                seams.add(part.inner, kept)
+            book.note(part.number, kept)
             if progress:
                 progress(len(tiles) - len(waiting) + n + 1, len(tiles))
-        if written:
-            written.result()
-    if not targets:
-        targets += list(target) if isinstance(target, (tuple, list)) else [target]
-    if seams:
-        if journal is not None:
-            for part in tiles:
-                seams.add(part.inner, book.kept(part.number) or {})
-        for inner, more in seams.decided():
-            add_edges(targets[0], inner, more)
+        targets = [writer.target for writer in job.writers]
+        if seams:
+            if journal is not None:
+                for part in tiles:
+                    seams.add(part.inner, book.kept(part.number) or {})
+            for inner, more in seams.decided():
+                add_edges(targets[0], inner, more)
     book.remove()
-    if hasattr(found, "_fields") and target is None:
-        return type(found)(*targets)
+    if hasattr(job.kind, "_fields") and target is None:
+        return job.kind(*targets)
     return targets[0] if len(targets) == 1 else tuple(targets)
+
+
+class _Job:
+    """What is done with a tile on a thread of its own: it is computed and written."""
+
+    def __init__(
+        self,
+        name: str,
+        target: Any,
+        shape: tuple[int, ...],
+        sides: Sequence[int],
+        sources: Sequence[Any],
+        options: dict[str, Any],
+    ) -> None:
+        self.name, self.options, self.sources = name, options, sources
+        self.given = target, shape, sides
+        self.call = tile_edges if name == "canny" else getattr(cvkern, name)
+        self.kind: type = type(None)  # the type of the results
+        self.lock, self.open, self.ready = threading.Lock(), contextlib.ExitStack(), False
+        self.writers = self._writers(_listed(target))
+        size = sides[0] * sum(w.image.nbytes // len(w.image) for w in self.writers if w.rows)
+        self.gathers = bool(self.writers) and size <= BAND and all(w.rows for w in self.writers)
+
+    def __enter__(self) -> _Job:
+        return self
+
+    def __exit__(self, *exc: object) -> None:
+        self.open.close()
+
+    def __call__(self, band: Band, read: list[Read]) -> list[dict[str, np.ndarray]]:
+        """Compute tiles and write them; return what is kept of Canny's edges at their seams."""
+        found, left = [], []
+        for tile, (windows, beside) in zip(band, read, strict=True):
+            result = self.call(*windows, **self.options, **beside)
+            self.kind = type(result)
+            parts = result if isinstance(result, tuple) else (result,)
+            parts = [part[_at(self.name, tile.inside)] for part in parts]
+            kept: dict[str, np.ndarray] = {}
+            if self.name == "canny":
+                edges, kept = Seams.split(parts[0])
+                parts = [edges]
+            found.append(parts)
+            left.append(kept)
+        with self.lock:
+            if not self.ready:
+                self._check(found[0])
+        places = [_at(self.name, tile.inner) for tile in band]
+        for writer, parts in zip(self.writers, zip(*found, strict=True), strict=True):
+            writer.write(places, parts)
+        if band[-1].inner[1].stop == self.given[1][1]:
+            for writer in self.writers:
+                writer.let_go(band[0].inner[0])
+            for source in self.sources:
+                let_go(source, band[0].inner[0])
+        return left
+
+    def _check(self, results: list[np.ndarray]) -> None:
+        """Refuse targets that do not fit; make those that were not given."""
+        target, shape, _ = self.given
+        targets = _targets(self.name, target, results, shape, self.sources)
+        self.writers = self.writers or self._writers(targets)
+        self.ready = True
+
+    def _writers(self, targets: list[Any]) -> list[Writer]:
+        writers = [Writer(one, self.given[2]) for one in targets]
+        for writer in writers:
+            self.open.callback(writer.close)
+        return writers
+
+
+def _listed(target: Any) -> list[Any]:
+    if target is None:
+        return []
+    return list(target) if isinstance(target, (tuple, list)) else [target]
+
+
+def _sides(
+    name: str,
+    tile: Any,
+    shape: tuple[int, ...],
+    reach: int,
+    targets: list[Any],
+    sources: Sequence[Any],
+) -> list[int]:
+    """Return the height and width of the tiles."""
+    if tile is None:
+        squares = not sources or name in LEADING or name == "stereo_match"
+        sides = (
+            [TILE, TILE]
+            if squares
+            else list(sides_of(shape, reach, [image_of(t) for t in targets], sources))
+        )
+    else:
+        sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
+    if name == "stereo_match":
+        sides[1] = shape[1]
+    return sides
 
 
 def _lazy(
@@ -243,56 +301,6 @@ def _lazy(
     call = None if name == "canny" else getattr(cvkern, name)
     found = lazy_tiles(call, source, tiles, options, maps.get("mask"), (shapes, dtypes))
     return found if target is None else _store(found, target)
-
-
-def _ahead(tiles: list[Tile], read: Callable[[Tile], Any]) -> Iterator[tuple[Tile, Any]]:
-    """Yield each tile with what was read of it, while the next one is being read."""
-    with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(read, tiles[0]) if tiles else None
-        for n, tile in enumerate(tiles):
-            assert coming is not None
-            found = coming.result()
-            if n + 1 < len(tiles):
-                coming = pool.submit(read, tiles[n + 1])
-            yield tile, found
-
-
-def _computed(
-    coming: Iterator[tuple[Tile, Any]], call: Callable[..., Any], places: list[str]
-) -> Iterator[tuple[Tile, Any]]:
-    """Yield each tile with its results, in order; the devices take tiles in turn."""
-    backend, _ = choice()  # other threads do not inherit it
-
-    def on(place: str, windows: tuple[np.ndarray, ...], beside: dict[str, np.ndarray]) -> Any:
-        with use(backend, place):
-            return call(*windows, **beside)
-
-    if len(places) == 1:
-        for tile, (windows, beside) in coming:
-            yield tile, on(places[0], windows, beside)
-        return
-    with contextlib.ExitStack() as stack:
-        # A thread for each device, which keeps its scratch memory.
-        threads = [stack.enter_context(ThreadPoolExecutor(1)) for _ in places]
-        running: deque[tuple[Tile, Future[Any]]] = deque()
-        for n, (tile, (windows, beside)) in enumerate(coming):
-            at = n % len(places)
-            running.append((tile, threads[at].submit(on, places[at], windows, beside)))
-            if len(running) > len(places):
-                first, future = running.popleft()
-                yield first, future.result()
-        for first, future in running:
-            yield first, future.result()
-
-
-def _told(
-    tiles: list[Tile], read: Callable[[Tile], Any], progress: Callable[[int, int], object] | None
-) -> Iterator[tuple[Tile, np.ndarray, dict[str, np.ndarray]]]:
-    """Yield the tiles of one image with what was read, and tell how many are finished."""
-    for n, (tile, ((window,), beside)) in enumerate(_ahead(tiles, read)):
-        yield tile, window, beside
-        if progress:
-            progress(n + 1, len(tiles))
 
 
 def _at(function: str, place: Place) -> Any:
@@ -335,24 +343,6 @@ def _store(results: Any, target: Any) -> Any:
     shapes, dtypes = [a.shape for a in arrays], [a.dtype for a in arrays]
     da.store(list(arrays), check_targets(target, shapes, dtypes, ()))
     return target
-
-
-def tiles_of(shape: tuple[int, ...], sides: list[int], reach: int) -> Iterator[Tile]:
-    """Yield the tiles of an image in raster order."""
-    rows, columns = (
-        [(a, min(a + side, size)) for a in range(0, size, side)]
-        for size, side in zip(shape, sides, strict=True)
-    )
-    for number, ((top, bottom), (left, right)) in enumerate((r, c) for r in rows for c in columns):
-        outer = (
-            slice(max(top - reach, 0), min(bottom + reach, shape[0])),
-            slice(max(left - reach, 0), min(right + reach, shape[1])),
-        )
-        inner = slice(top, bottom), slice(left, right)
-        inside = tuple(
-            slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True)
-        )
-        yield Tile(number, inner, outer, (inside[0], inside[1]))
 
 
 def _targets(

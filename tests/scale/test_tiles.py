@@ -84,14 +84,14 @@ def test_an_edge_that_winds_through_many_tiles(backend):
     options = {"sigma": 0.5, "low_threshold": 5, "high_threshold": 36}
     whole = cvkern.canny(image, **options)
     assert whole.sum() > 1000
-    for tile in (13, (36, 80)):  # the second is entered farther than rounds from its border go
+    for tile in (13, (36, 80)):
         same(apply("canny", image, tile=tile, **options), whole)
 
 
-@pytest.mark.parametrize("rounds", [0, 3])
-def test_a_flood_finds_what_rounds_from_the_border_do_not(backend, monkeypatch, rounds):
+@pytest.mark.parametrize("few", [0, 3])
+def test_a_flood_finds_what_a_search_from_the_border_does_not(backend, monkeypatch, few):
     image, options = cvkern.gaussian(noise(), 1.2), EDGES[0]
-    monkeypatch.setattr(edges, "_ROUNDS", rounds)
+    monkeypatch.setattr(edges, "_FEW", few)
     same(apply("canny", image, tile=32, **options), cvkern.canny(image, **options))
 
 

@@ -1,0 +1,105 @@
+"""Targets that are written by several threads: files behind memory maps, and arrays in chunks."""
+
+import os
+import time
+
+import numpy as np
+import pytest
+
+import cvkern
+from cvkern.scale import apply, grids
+
+
+def noise():
+    return np.random.default_rng(0).integers(0, 256, (61, 97), np.uint8)
+
+
+@pytest.mark.parametrize("tile", [None, (20, 97), (20, 30), (61, 40)])
+def test_rows_are_written_past_the_map(tmp_path, monkeypatch, tile):
+    """Some calls of the system write less than they are asked for."""
+    image, calls = np.dstack((noise(),) * 3), []
+    whole = os.pwritev
+
+    def short(file, pieces, at):
+        calls.append(len(pieces))
+        part = pieces[:2] if len(calls) % 2 else [pieces[0][: len(pieces[0]) // 2 + 1]]
+        return whole(file, part, at)
+
+    monkeypatch.setattr(os, "pwritev", short)
+    target = np.lib.format.open_memmap(tmp_path / "out.npy", "w+", np.float32, image.shape)
+    apply("gaussian", image, target, tile=tile, sigma=2, channel_axis=-1)
+    want = cvkern.gaussian(image, 2, channel_axis=-1)
+    np.testing.assert_array_equal(np.array(target), want)
+    np.testing.assert_array_equal(np.load(tmp_path / "out.npy"), want)
+    assert calls
+    calls.clear()
+    apply("gaussian", image, target[:, ::-1], tile=tile, sigma=2, channel_axis=-1)
+    np.testing.assert_array_equal(np.array(target)[:, ::-1], want)
+    assert not calls
+
+
+def test_a_map_of_a_file_that_lost_its_name(tmp_path):
+    """The name belongs to another file, which stays as it is."""
+    want = cvkern.median(noise(), 2)
+    target = np.lib.format.open_memmap(tmp_path / "out.npy", "w+", np.uint8, want.shape)
+    (tmp_path / "out.npy").rename(tmp_path / "old.npy")
+    np.save(tmp_path / "out.npy", np.zeros_like(want))
+    apply("median", noise(), target, radius=2)
+    np.testing.assert_array_equal(np.load(tmp_path / "old.npy"), want)
+    assert not np.load(tmp_path / "out.npy").any()
+    (tmp_path / "old.npy").unlink()
+    target[:] = 0
+    np.testing.assert_array_equal(np.array(apply("median", noise(), target, radius=2)), want)
+
+
+def test_memory_of_a_private_map_is_kept(tmp_path):
+    """Its pages are lost when they are let go of, because no file has them."""
+    np.save(tmp_path / "in.npy", np.zeros((400, 97), np.uint8))
+    source = np.load(tmp_path / "in.npy", mmap_mode="c")
+    source[:] = np.tile(noise(), (7, 1))[:400]
+    want = np.array(source)
+    np.testing.assert_array_equal(apply("box", source, tile=100), cvkern.box(want))
+    np.testing.assert_array_equal(np.array(source), want)
+
+
+class Chunked:
+    """An array in chunks, which are read and written whole, slowly."""
+
+    def __init__(self, values, chunks):
+        self.values, self.chunks, self.shape, self.dtype = (
+            values, chunks, values.shape, values.dtype,
+        )  # fmt: skip
+
+    def __setitem__(self, place, part):
+        spans = [
+            slice(side.start // size * size, -(-side.stop // size) * size)
+            for side, size in zip(place, self.chunks, strict=True)
+        ]
+        copy = self.values[tuple(spans)].copy()
+        time.sleep(0.002)
+        copy[tuple(slice(a.start - b.start, a.stop - b.start)
+                   for a, b in zip(place, spans, strict=True))] = part  # fmt: skip
+        self.values[tuple(spans)] = copy
+
+
+@pytest.mark.parametrize("tile", [None, 16, (24, 32)])
+def test_a_chunk_is_written_by_one_tile_at_a_time(tile):
+    target = Chunked(np.zeros(noise().shape, np.uint8), (16, 32))
+    apply("median", noise(), target, tile=tile)
+    np.testing.assert_array_equal(target.values, cvkern.median(noise()))
+
+
+def test_tiles_of_chunks_and_of_rows():
+    def sides(shape, reach, *arrays):
+        return grids.sides_of(shape, reach, arrays, ())
+
+    plain = np.empty((1, 1), np.uint8)
+    assert sides((30000, 30000), 8, plain) == (1024, 3750)
+    assert sides((30000, 30000), 100, plain) == (1600, 2500)
+    assert sides((100, 100, 3), 8, plain) == (1024, 100)
+    assert sides((30000, 100000), 8, np.empty((1, 100000), np.float32)) == (167, 4000)
+    big = np.empty((9000, 9000), np.uint8)
+    assert sides(big.shape, 2, Chunked(big, (1000, 700))) == (2000, 1400)
+    assert sides(big.shape, 2, Chunked(big, (3000, 300))) == (3000, 1800)
+    assert sides(big.shape, 2, Chunked(big, (100, 9000))) == (400, 9000)
+    assert sides(big.shape, 2, memoryview(big)) == (2048, 2048)  # pyright: ignore[reportArgumentType]
