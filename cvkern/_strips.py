@@ -19,9 +19,8 @@ _MOST = 2**16  # rows and columns of a strip, the largest tile of :func:`cvkern.
 def in_strips(function: Callable[P, R]) -> Callable[P, R]:
     """Make a function compute NumPy images of any size; its first argument is the image.
 
-    Strips have all columns, up to 65536, and as many rows as give a sixteenth of the elements that
-    a kernel can index; two are computed at once. The bits are those of the whole image
-    (:func:`cvkern.scale.apply`).
+    Strips have all columns, up to 65536, and as many rows as give an eighth of the elements that a
+    kernel can index. The bits are those of the whole image (:func:`cvkern.scale.apply`).
     """
     name = function.__name__
     signature = inspect.signature(function)
@@ -37,7 +36,7 @@ def in_strips(function: Callable[P, R]) -> Callable[P, R]:
         from cvkern.scale import apply
 
         source, target = given.pop("image"), given.pop("out", None)
-        rows = max(1, min(MAX_ELEMENTS // 16 * len(image) // image.size, _MOST))
+        rows = max(1, min(MAX_ELEMENTS // 8 * len(image) // image.size, _MOST))
         return apply(name, source, target, tile=(rows, min(image.shape[1], _MOST)), **given)
 
     return sized

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import threading
 from functools import lru_cache
 
 
@@ -28,22 +27,3 @@ def _parsed(asked: str) -> int:
     if not asked.isdecimal() or int(asked) < 1:
         raise ValueError(f"CVKERN_NUM_THREADS must be an integer >= 1, got {asked!r}")
     return int(asked)
-
-
-class _Share(threading.local):
-    """The part of the cores that launches of a thread use: one of so many."""
-
-    parts = 1
-
-
-_share = _Share()
-
-
-def share_cores(parts: int) -> None:
-    """Let the launches of this thread use one of so many parts of the cores."""
-    _share.parts = parts
-
-
-def launch_threads() -> int:
-    """Return how many threads a launch of this thread may use."""
-    return -(-cpu_threads() // _share.parts)

@@ -1,20 +1,17 @@
-"""Tiles on their way: read ahead by one thread, computed and written by several."""
+"""Tiles on their way: one thread reads ahead, and one writes while the next are computed."""
 
 from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 import numpy as np
 
 from cvkern._runtime import choice, use
-from cvkern.kernels._threads import share_cores
 from cvkern.scale.grids import Tile
-
-WORKERS = 2  # bands that are computed and written at once on each device; each needs its memory
 
 Read = tuple[tuple[np.ndarray, ...], dict[str, np.ndarray]]
 """The windows of a tile, and the parts of options that are images."""
@@ -41,41 +38,48 @@ def ahead(parts: list[T], read: Callable[[T], U]) -> Iterator[tuple[T, U]]:
 def computed(
     bands: list[Band],
     read: Callable[[Tile], Read],
-    job: Callable[[Band, list[Read]], list[U]],
+    compute: Callable[[Band, list[Read]], T],
     places: list[str],
-) -> Iterator[tuple[Tile, U]]:
-    """Yield each tile with what its job returns, in order; the devices take bands in turn.
-
-    A band has steps that use one core, or wait for a disk. So each device computes several at once,
-    and on the CPU these share its cores.
-    """
+) -> Iterator[tuple[Band, T]]:
+    """Yield each band with what was computed of it, in order; the devices take bands in turn."""
     backend, _ = choice()  # other threads do not inherit it
-    workers = min(WORKERS, -(-len(bands) // len(places)))
-    share = workers * len(places)
 
-    def on(place: str, band: Band, found: list[Read]) -> Iterator[tuple[Tile, U]]:
+    def on(place: str, band: Band, found: list[Read]) -> T:
         with use(backend, place):
-            return zip(band, job(band, found), strict=True)
+            return compute(band, found)
 
     coming = ahead(bands, lambda band: [read(tile) for tile in band])
-    if share <= 1:
+    if len(places) == 1:
         for band, found in coming:
-            yield from on(places[0], band, found)
+            yield band, on(places[0], band, found)
         return
     with contextlib.ExitStack() as stack:
-        pools = [
-            stack.enter_context(ThreadPoolExecutor(workers, "tiles", share_cores, (share,)))
-            for _ in places
-        ]
-        running: deque[Future[Iterator[tuple[Tile, U]]]] = deque()
+        # A thread for each device, which keeps its scratch memory.
+        threads = [stack.enter_context(ThreadPoolExecutor(1)) for _ in places]
+        running: deque[tuple[Band, Future[T]]] = deque()
         for n, (band, found) in enumerate(coming):
             at = n % len(places)
-            running.append(pools[at].submit(on, places[at], band, found))
-            del found
-            if len(running) > share:
-                yield from running.popleft().result()
-        for future in running:
-            yield from future.result()
+            running.append((band, threads[at].submit(on, places[at], band, found)))
+            if len(running) > len(places):
+                first, future = running.popleft()
+                yield first, future.result()
+        for first, future in running:
+            yield first, future.result()
+
+
+def written(
+    found: Iterable[tuple[Band, T]], write: Callable[[Band, T], list[U]]
+) -> Iterator[tuple[Tile, U]]:
+    """Yield each tile with what `write` returns for it, while the next band is computed."""
+    with ThreadPoolExecutor(1) as pool:
+        last: tuple[Band, Future[list[U]]] | None = None
+        for band, results in found:
+            before, last = last, (band, pool.submit(write, band, results))
+            del results
+            if before:
+                yield from zip(before[0], before[1].result(), strict=True)
+        if last:
+            yield from zip(last[0], last[1].result(), strict=True)
 
 
 def told(

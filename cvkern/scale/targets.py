@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import os
-import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from cvkern.scale.engines import optional
-from cvkern.scale.grids import chunks_of
 from cvkern.scale.mapped import MappedRows, let_go
 
 TIFF = ".tif", ".tiff"
@@ -123,22 +120,11 @@ def image_of(target: Any) -> Any:
 
 
 class Writer:
-    """Writes tiles into a target, from several threads."""
+    """Writes tiles into a target."""
 
-    def __init__(self, target: Any, sides: Sequence[int]) -> None:
-        self.target = target
-        self.image = image_of(target)
+    def __init__(self, target: Any) -> None:
+        self.target, self.image = target, image_of(target)
         self.rows = MappedRows.of(self.image)
-        # If two tiles write into one chunk at once, one takes back what the other has written.
-        chunk = chunks_of(target)
-        apart = isinstance(self.image, np.ndarray) or (
-            chunk is not None
-            and all(
-                side >= size or side % part == 0
-                for side, size, part in zip(sides, target.shape, chunk, strict=False)
-            )
-        )
-        self.lock = contextlib.nullcontext() if apart else threading.Lock()
 
     def write(self, places: Sequence[Any], parts: Sequence[np.ndarray]) -> None:
         """Write parts of the result, as a rule those of a row of tiles."""
@@ -147,8 +133,7 @@ class Writer:
             self.rows.write(places[0][0].start, stored)
             return
         for place, part in zip(places, parts, strict=True):
-            with self.lock:
-                self.target[place] = part
+            self.target[place] = part
 
     def _whole(self, places: Sequence[Any]) -> bool:
         return (places[0][1].start, places[-1][1].stop) == (0, self.image.shape[1])

@@ -9,7 +9,6 @@ edges are joined across the seams afterwards (`edges`).
 from __future__ import annotations
 
 import contextlib
-import threading
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,14 +17,14 @@ import numpy as np
 
 import cvkern
 from cvkern._checks import check_integer, check_pair
-from cvkern._runtime import check_devices, refuse_capture
+from cvkern._runtime import check_devices, pinned, refuse_capture
 from cvkern.scale._lazy import lazy_tiles
-from cvkern.scale.edges import Place, Seams, add_edges, thresholds, tile_edges
+from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
 from cvkern.scale.grids import BAND, TILE, Tile, bands_of, sides_of, tiles_of
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 from cvkern.scale.mapped import let_go
-from cvkern.scale.pipelines import Band, Read, computed, told
+from cvkern.scale.pipelines import Band, Read, computed, told, written
 from cvkern.scale.sources import cut, images_of
 from cvkern.scale.targets import Writer, check_targets, image_of
 from cvkern.scale.votes import line_votes, shape_votes
@@ -49,7 +48,7 @@ def apply(
 ) -> Any:
     """Apply a function tile by tile, in bounded memory.
 
-    While two tiles are computed and written, the next is read.
+    While some tiles are computed, the next are read and the last are written.
 
     Parameters
     ----------
@@ -168,7 +167,8 @@ def apply(
     with _Job(name, target, shape, sides, (*sources, *maps.values()), options) as job:
         waiting = [t for t in tiles if book.kept(t.number) is None]
         bands = bands_of(waiting, shape[1] if job.gathers else 0)
-        for n, (part, kept) in enumerate(computed(bands, read, job, places)):
+        found = computed(bands, read, job.compute, places)
+        for n, (part, kept) in enumerate(written(found, job.write)):
             if seams and journal is None:
                 seams.add(part.inner, kept)
             book.note(part.number, kept)
@@ -188,7 +188,7 @@ def apply(
 
 
 class _Job:
-    """What is done with a tile on a thread of its own: it is computed and written."""
+    """What is done with the tiles of a band: they are computed, then written."""
 
     def __init__(
         self,
@@ -200,10 +200,11 @@ class _Job:
         options: dict[str, Any],
     ) -> None:
         self.name, self.options, self.sources = name, options, sources
-        self.given = target, shape, sides
+        self.given = target, shape
         self.call = tile_edges if name == "canny" else getattr(cvkern, name)
         self.kind: type = type(None)  # the type of the results
-        self.lock, self.open, self.ready = threading.Lock(), contextlib.ExitStack(), False
+        self.inherited = pinned()
+        self.open, self.ready = contextlib.ExitStack(), False
         self.writers = self._writers(_listed(target))
         size = sides[0] * sum(w.image.nbytes // len(w.image) for w in self.writers if w.rows)
         self.gathers = bool(self.writers) and size <= BAND and all(w.rows for w in self.writers)
@@ -214,23 +215,29 @@ class _Job:
     def __exit__(self, *exc: object) -> None:
         self.open.close()
 
-    def __call__(self, band: Band, read: list[Read]) -> list[dict[str, np.ndarray]]:
-        """Compute tiles and write them; return what is kept of Canny's edges at their seams."""
-        found, left = [], []
+    def compute(self, band: Band, read: list[Read]) -> list[tuple[np.ndarray, ...]]:
+        """Return the results of each tile; of `canny`, the states of the pixels and the edges."""
+        found = []
         for tile, (windows, beside) in zip(band, read, strict=True):
             result = self.call(*windows, **self.options, **beside)
             self.kind = type(result)
             parts = result if isinstance(result, tuple) else (result,)
-            parts = [part[_at(self.name, tile.inside)] for part in parts]
-            kept: dict[str, np.ndarray] = {}
+            parts = tuple(part[_at(self.name, tile.inside)] for part in parts)
             if self.name == "canny":
-                edges, kept = Seams.split(parts[0])
-                parts = [edges]
+                states = np.ascontiguousarray(parts[0])
+                parts = states, flooded(states)
             found.append(parts)
-            left.append(kept)
-        with self.lock:
-            if not self.ready:
-                self._check(found[0])
+        return found
+
+    def write(self, band: Band, found: list[tuple[np.ndarray, ...]]) -> list[dict[str, np.ndarray]]:
+        """Write tiles; return what is kept of Canny's edges at their seams."""
+        left: list[dict[str, np.ndarray]] = [{} for _ in band]
+        if self.name == "canny":
+            with self.inherited():
+                left = [Seams.left(states, edges) for states, edges in found]
+            found = [(edges,) for _, edges in found]
+        if not self.ready:
+            self._check(found[0])
         places = [_at(self.name, tile.inner) for tile in band]
         for writer, parts in zip(self.writers, zip(*found, strict=True), strict=True):
             writer.write(places, parts)
@@ -241,15 +248,15 @@ class _Job:
                 let_go(source, band[0].inner[0])
         return left
 
-    def _check(self, results: list[np.ndarray]) -> None:
+    def _check(self, results: Sequence[np.ndarray]) -> None:
         """Refuse targets that do not fit; make those that were not given."""
-        target, shape, _ = self.given
+        target, shape = self.given
         targets = _targets(self.name, target, results, shape, self.sources)
         self.writers = self.writers or self._writers(targets)
         self.ready = True
 
     def _writers(self, targets: list[Any]) -> list[Writer]:
-        writers = [Writer(one, self.given[2]) for one in targets]
+        writers = [Writer(one) for one in targets]
         for writer in writers:
             self.open.callback(writer.close)
         return writers
@@ -348,7 +355,7 @@ def _store(results: Any, target: Any) -> Any:
 def _targets(
     function: str,
     target: Any,
-    results: list[np.ndarray],
+    results: Sequence[np.ndarray],
     shape: tuple[int, ...],
     sources: Sequence[Any],
 ) -> list[Any]:

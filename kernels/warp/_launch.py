@@ -10,7 +10,7 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels._threads import cpu_threads, launch_threads
+from cvkern.kernels._threads import cpu_threads
 
 from ._internals import Command, load
 from ._replays import note
@@ -57,7 +57,7 @@ def launch(
 def slabs(rows: int, elements: int) -> int:
     """Return the number of slabs for `rows` rows with `elements` elements in total."""
     most = min(rows, elements // _SLAB_ELEMENTS)
-    return min(launch_threads(), most) if most > 1 else 1
+    return min(cpu_threads(), most) if most > 1 else 1
 
 
 def launch_slabs(
@@ -119,7 +119,7 @@ def _share(
     if count == 1:
         work()
         return
-    others = [_threads().submit(work) for _ in range(min(launch_threads(), count) - 1)]
+    others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
     # Nothing is left for a thread that has not begun: waiting for it would cost its wake-up.
     begun = [other for other in others if not other.cancel()]

@@ -33,7 +33,7 @@ COLOR = {
 
 @pytest.fixture
 def few(monkeypatch):
-    """Let a strip have at most 1000 elements, and count the strips."""
+    """Let a strip have at most 2000 elements, and count the strips."""
     from cvkern import scale
 
     monkeypatch.setattr(_strips, "MAX_ELEMENTS", 16_000)
@@ -59,7 +59,7 @@ def test_grey(backend, few, name):
     image = skimage.data.camera()[100:250, 130:260]
     for options in GREY[name]:
         assert_equal(getattr(cvkern, name)(image, **options), whole(name, image, options))
-    assert few == [(7, 130)] * len(GREY[name])
+    assert few == [(15, 130)] * len(GREY[name])
 
 
 @pytest.mark.parametrize("name", COLOR)
@@ -67,7 +67,7 @@ def test_colour(backend, few, name):
     image = skimage.data.astronaut()[20:120, 150:240]
     got = getattr(cvkern, name)(image, **COLOR[name])
     assert_equal(got, whole(name, image, COLOR[name]))
-    assert few == [(3, 90)]
+    assert few == [(7, 90)]
 
 
 def test_out_is_filled(few):

@@ -25,7 +25,9 @@ def scale(
     options: Annotated[
         list[str] | None, typer.Argument(metavar="[NAME=VALUE]...", help="Options of the function.")
     ] = None,
-    tile: Annotated[int, typer.Option(help="Height and width of a tile, pixels.")] = 2048,
+    tile: Annotated[
+        int | None, typer.Option(help="Height and width of a tile, pixels.", show_default="by file")
+    ] = None,
     suffix: Annotated[str, typer.Option(help="Form of the results of a folder.")] = ".npy",
     engine: Annotated[
         str, typer.Option(help="For a folder: threads, processes, dask or ray.")
@@ -63,7 +65,7 @@ def _image(
     source: Path,
     target: Path,
     options: dict[str, Any],
-    tile: int,
+    tile: int | None,
     overwrite: bool,
     backend: str | None,
     device: str | None,
