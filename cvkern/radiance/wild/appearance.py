@@ -24,7 +24,7 @@ RATE, WARMUP, FINAL = 1e-2, 100, 0.1  # learning rate, steps until it is full, s
 RIDGE = 1e-4  # weight of the identity in the fit of a photograph's map, for each pixel
 DECAY = 3e-5  # weight decay towards the identity
 PIXELS = 4096  # most pixels of the search for the light of a new photograph
-ROUNDS = 4  # of the fit of a map, each without the clipped channels that are beyond it so far
+ROUNDS = 4  # A fit leaves out the clipped channels that are beyond the map of the fit before.
 
 
 class Appearance(Table):
