@@ -11,22 +11,28 @@ from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-DIGITS = 2048  # values of the longest digit of a place
+DIGIT = 13  # bits of a place that are sorted at a time
 
 
 @wp.struct
 class Sorting:
     """Points in the order of their lines, their runs, and scratch for the sort."""
 
-    order: wp.array[int]  # (2 N,): the sort needs the second half
+    order: wp.array[int]  # (2 N,): the second half has those on no line
     runs: wp.array2d[int]  # (N, 2): where a run begins, and its number of points
     along: wp.array[wp.float64]  # (N,): places along the lines
-    groups: wp.array[int]  # (2 N,): line and side of a point, and its place in steps
-    counts: wp.array[int]  # (DIGITS or 2 K, the larger,)
+    groups: wp.array[int]  # (N,): line and side of a point
+    pairs: wp.array[wp.uint64]  # (2 N,)
+    counts: wp.array[int]  # (2^DIGIT or 2 K, the larger,)
 
 
 @_native.kernel(
-    "_runs_cpu.h", QUARTER=DIRECTIONS // 4, LAST=DIRECTIONS - 1, FARTHEST=FARTHEST, PLACES=PLACES
+    "_runs_cpu.h",
+    QUARTER=DIRECTIONS // 4,
+    LAST=DIRECTIONS - 1,
+    FARTHEST=FARTHEST,
+    PLACES=PLACES,
+    DIGIT=DIGIT,
 )
 def cut(
     slab: int,

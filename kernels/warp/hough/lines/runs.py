@@ -40,8 +40,9 @@ def cut(
     if not device.is_cuda:
         sorting = cpu.Sorting()
         sorting.order, sorting.runs, sorting.along = order, runs, along
-        sorting.groups = scratch("runs.groups", (2 * number,), wp.int32, device)
-        sorting.counts = scratch("runs.counts", (max(cpu.DIGITS, none),), wp.int32, device)
+        sorting.groups = scratch("runs.groups", (number,), wp.int32, device)
+        sorting.pairs = scratch("runs.pairs", (2 * number,), wp.uint64, device)
+        sorting.counts = scratch("runs.counts", (max(1 << cpu.DIGIT, none),), wp.int32, device)
         given = [points, codes, labels, lines, normals, wp.vec3d(max_gap, least, DENSITY), sorting]
         launch_slabs(cpu.cut, 1, 1, given, [chosen, total])
         return
