@@ -1,4 +1,4 @@
-"""Sub-pixel edge points, in Warp: a thread a slab of rows (CPU), or a block of threads a row (CUDA).
+"""Sub-pixel edge points, in Warp: a thread takes rows (CPU), a block of threads a row (CUDA).
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
 parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
