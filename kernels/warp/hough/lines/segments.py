@@ -37,8 +37,8 @@ def claim(
         return
     device = points.device
     # Slabs are shares of the points; smaller ones balance the threads.
-    count = slabs(number, number * lines.shape[1])
-    count = min(4 * count, number) if count > 1 else 1
+    count = slabs(number, number * lines.shape[1] // 16)  # 16 points at a time
+    count = min(2 * count, number) if count > 1 else 1
     tiles = cpu.Tiles()
     tiles.order = scratch("claim.order", (number,), wp.int32, device)
     room = (cpu.MOST_TILES + 1) ** 2 * cpu.SECTORS + 2
