@@ -12,7 +12,7 @@ from cvkern.kernels.warp import _native
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 LANES = wp.constant(PARTIAL)
-DIGIT = 13  # bits of a place that are sorted at a time
+DIGIT = 9  # bits of a place that are sorted at a time
 BEFORE = wp.constant(wp.float64(FARTHEST))
 f64_lanes = wp.types.vector(PARTIAL, wp.float64)
 

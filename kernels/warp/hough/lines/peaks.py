@@ -173,7 +173,7 @@ def find_lines(
         threads = min(_THREADS, keys.shape[0])
         launch(_list_keys, threads, [votes, counts, places, threads], [keys, total])
         return
-    number, count = points.shape[0], slabs(angles, bins * angles)
+    number, count = points.shape[0], slabs(angles, shape[0] * angles // 16)  # 16 bins at a time
     count = min(2 * count, angles) if count > 1 else 1  # some angles have more votes
     turned = scratch("peaks.turned", (number,), wp.int32, device)
     voters = bands.Voters()
