@@ -1,3 +1,5 @@
+#include "../_angles.h"
+
 // List the columns of the edge points of row y, and return their number. The rule is that of
 // _parabolas.py. The gradient outside the image is 0, so the outermost pixels are no maximum along
 // an axis that leaves the image; there a pixel is compared with itself.
@@ -37,4 +39,42 @@ int list_peaks(int y, wp::array_t<float> dy, wp::array_t<float> dx, wp::array_t<
         for (; eight; eight &= eight - 1) *next++ = x + __builtin_ctzll(eight) / 8;
     }
     return next - first;
+}
+
+// needs LOG_1 LOG_2 LOG_3 LOG_4 LN2 LEAST_MANTISSA MANTISSA_BITS LEAST_RATIO
+// Locate the edges of row y in `count` listed columns, as _parabolas.py does, from place `begin` on.
+void locate_row(int y, wp::array_t<float> dy, wp::array_t<float> dx, int slab,
+                wp::array_t<int> columns, int count, int begin, wp::array_t<float> points,
+                wp::array_t<float> orientation, wp::array_t<float> strength) {
+#pragma clang fp contract(off)
+    const int* column = columns.data + (size_t)slab * columns.shape[1];
+    const long long pitch = dy.strides[0] / 4;
+    const float *down = dy.data + y * pitch, *along = dx.data + y * pitch;
+    const auto log_of_ratio = [](float a, float b) __attribute__((always_inline)) {
+        const float ratio = a / b > (float)LEAST_RATIO ? a / b : (float)LEAST_RATIO;
+        int bits;
+        __builtin_memcpy(&bits, &ratio, 4);
+        const int exponent = (bits - LEAST_MANTISSA) >> MANTISSA_BITS;
+        bits -= exponent << MANTISSA_BITS;
+        float m;
+        __builtin_memcpy(&m, &bits, 4);
+        const float s = (m - 1.0f) / (m + 1.0f), z = s * s;
+        const float tail = ((float)LOG_4 * z + (float)LOG_3) * z + (float)LOG_2;
+        return 2.0f * s * ((tail * z + (float)LOG_1) * z + 1.0f) + (float)exponent * (float)LN2;
+    };
+#pragma clang loop vectorize(assume_safety)
+    for (int k = 0; k < count; ++k) {
+        const auto squared = [&](long long i) { return along[i] * along[i] + down[i] * down[i]; };
+        const long long x = column[k];
+        const float v = down[x], u = along[x];
+        const bool steep = __builtin_fabsf(v) > __builtin_fabsf(u);
+        const long long step = steep ? pitch : 1;
+        const float m = squared(x);
+        const float p = log_of_ratio(squared(x - step), m), q = log_of_ratio(squared(x + step), m);
+        const float offset = 0.5f * (p - q) / (p + q), share = steep ? 1.0f : 0.0f;
+        points.data[2 * (begin + k)] = (float)y + share * offset;
+        points.data[2 * (begin + k) + 1] = (float)(int)x + (1.0f - share) * offset;
+        orientation.data[begin + k] = Alike::angle(v, u);
+        strength.data[begin + k] = __builtin_sqrtf(m);
+    }
 }

@@ -2,9 +2,8 @@
 
 import warp as wp
 
+from cvkern.kernels.codes.edges import LEAST_MANTISSA, LEAST_RATIO, LN2, LOG, MANTISSA_BITS
 from cvkern.kernels.warp import _native
-
-from ._parabolas import locate, three_lengths
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -21,6 +20,29 @@ def list_peaks(
     # outputs
     columns: wp.array2d[int],
 ) -> int: ...
+
+
+@_native.func_native(
+    "_subpixel_cpu.h",
+    **{f"LOG_{i}": LOG[i] for i in range(1, 5)},
+    LN2=LN2,
+    LEAST_MANTISSA=LEAST_MANTISSA,
+    MANTISSA_BITS=MANTISSA_BITS,
+    LEAST_RATIO=LEAST_RATIO,
+)
+def locate_row(
+    y: int,
+    dy: wp.array2d[float],
+    dx: wp.array2d[float],
+    slab: int,
+    columns: wp.array2d[int],
+    count: int,
+    begin: int,
+    # outputs
+    points: wp.array2d[float],
+    orientation: wp.array[float],
+    strength: wp.array[float],
+): ...
 
 
 @wp.kernel
@@ -60,7 +82,4 @@ def gather_edges(
 ):
     for y in range(first, last):
         count = list_peaks(y, dy, dx, mask, slab, flags, columns)
-        for k in range(count):
-            x = columns[slab, k]
-            m = three_lengths(dy, dx, y, x)
-            locate(dy, dx, y, x, m, starts[y] + k, points, orientation, strength)
+        locate_row(y, dy, dx, slab, columns, count, starts[y], points, orientation, strength)
