@@ -7,11 +7,15 @@ void sort_points(int slab, int first, int last, wp::array_t<float> points, wp::a
 #pragma clang fp contract(off)
     const int number = points.shape[0];
     const float* place = points.data;
-    float tallest = 0.0f, widest = 0.0f;
-    for (int i = 0; i < number; ++i) {
-        tallest = place[2 * i] > tallest ? place[2 * i] : tallest;
-        widest = place[2 * i + 1] > widest ? place[2 * i + 1] : widest;
-    }
+    // The order of floats that are not negative is that of their bits, which vector code compares.
+    typedef int Bits __attribute__((may_alias));
+    const Bits* bits = (const Bits*)place;
+    int most[2] = {};
+    for (int i = 0; i < number; ++i)
+        for (int k = 0; k < 2; ++k) most[k] = bits[2 * i + k] > most[k] ? bits[2 * i + k] : most[k];
+    float tallest, widest;
+    __builtin_memcpy(&tallest, most, 4);
+    __builtin_memcpy(&widest, most + 1, 4);
     const int longest = (int)(tallest > widest ? tallest : widest) + 1;
     const int least = (longest + MOST_TILES - 1) / MOST_TILES;
     const int side = least > SIDE ? least : SIDE;
@@ -26,15 +30,18 @@ void sort_points(int slab, int first, int last, wp::array_t<float> points, wp::a
         const int code = codes.data[i], line = after.data[i] + 1;
         const int sector = (code & (HALF_TURN - 1)) / (HALF_TURN / SECTORS);
         places[i] = ((int)(y * each) * across + (int)(x * each)) * SECTORS + sector;
-        if (line == 0 || line >= all) continue;
-        const float along = x * lines.data[line] + y * lines.data[all + line];
-        const int turn = (code - directions.data[line] + tolerance) & (HALF_TURN - 1);
-        if (__builtin_fabsf(along - lines.data[2 * all + line]) > distance || turn > 2 * tolerance)
-            continue;
-        labels.data[i] = line;
-        places[i] = count;
+        const auto is_held = [&] {
+            const float along = x * lines.data[line] + y * lines.data[all + line];
+            const int turn = (code - directions.data[line] + tolerance) & (HALF_TURN - 1);
+            return __builtin_fabsf(along - lines.data[2 * all + line]) <= distance &&
+                   turn <= 2 * tolerance;
+        };
+        if (line > 0 && line < all && is_held()) {
+            labels.data[i] = line;
+            places[i] = count;
+        }
+        ++begin[places[i]];
     }
-    for (int i = 0; i < number; ++i) ++begin[places[i]];
     for (int k = 0, before = 0; k <= count + 1; ++k) {
         const int here = begin[k];
         begin[k] = before;
@@ -50,8 +57,8 @@ void sort_points(int slab, int first, int last, wp::array_t<float> points, wp::a
 
 // needs LINES POINTS SECTORS HALF_TURN
 // A slab has the tiles whose first sorted point is between `first` and `last`. A tile has a list of
-// the lines that pass near its middle for each sector of directions. The points of a sector are
-// tested together against one line of its list after the other, the strongest at the end.
+// the lines that pass near its middle for each sector of directions, strongest line first. The points
+// of a sector are tested together against some lines at a time, and are left at their first line.
 void claim(int slab, int first, int last, wp::array_t<float> points, wp::array_t<int> codes,
            wp::array_t<int> after, wp::array_t<float> lines, wp::array_t<int> directions,
            float distance, int tolerance, Tiles tiles, wp::array_t<int> labels) {
@@ -65,8 +72,8 @@ void claim(int slab, int first, int last, wp::array_t<float> points, wp::array_t
     const float reach = distance + 0.7072f * (float)side + 2.0f;
     const int span = 2 * tolerance + 1 < HALF_TURN ? 2 * tolerance : HALF_TURN - 1;
     int* lists = tiles.near.data + (size_t)slab * SECTORS * count;
-    float y[POINTS], x[POINTS];
-    int index[POINTS], code[POINTS], past[POINTS], found[16];
+    float y[POINTS] = {}, x[POINTS] = {};
+    int index[POINTS], code[POINTS] = {}, past[POINTS] = {}, found[16];
     // A parameter of 64 bytes allows the registers of 64 bytes in this function.
     const auto on = [&](Reals away, Ints turn, Ints past, int line) __attribute__((always_inline)) {
         return (away <= distance) & (away >= -distance) & (turn <= span) & (past < line);
