@@ -198,9 +198,8 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         __builtin_memcpy(&v, from, sizeof v);
         return v;
     };
-    const auto store = [](float* to, pixels v) __attribute__((always_inline)) {
-        __builtin_memcpy(to, &v, sizeof v);
-    };
+    const auto store = [](float* to, pixels v)
+                           __attribute__((always_inline)) { __builtin_memcpy(to, &v, sizeof v); };
     int count = 0;
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float i = (float)(y - cy), down = gain[y - cy + radius];
