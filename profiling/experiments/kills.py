@@ -23,7 +23,7 @@ import numpy as np
 import cvkern
 from cvkern.scale import apply
 
-SIDE, TILE = 2400, 160
+SIDE, TILE = 7200, 160
 OPTIONS: dict[str, Any] = {"sigma": 1.5, "low_threshold": 4.0, "high_threshold": 60.0}
 
 
