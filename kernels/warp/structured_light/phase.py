@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.warp import _native
-from cvkern.kernels.warp._launch import BLOCK, launch, launch_each, launch_slabs, slabs
+from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 from cvkern.kernels.warp._structs import struct_of
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -19,7 +19,6 @@ wp.set_module_options(OPTIONS)
 
 TURN = 1 / (2 * math.pi)
 _QUAD = 4  # pixels of a thread on CUDA
-_BLOCKS = 3  # blocks of a multiprocessor there
 
 
 @wp.struct
@@ -129,14 +128,7 @@ def _decode_cpu(scalar: Any) -> wp.Kernel:
 
 @lru_cache
 def _decode_cuda(scalar: Any) -> wp.Kernel:
-    @_native.kernel(
-        "_phase_cuda.cu",
-        OPTIONS,
-        launch_bounds=(BLOCK, _BLOCKS),
-        TYPE=scalar,
-        QUAD=_QUAD,
-        TURN=f"{TURN!r}f",
-    )
+    @_native.kernel("_phase_cuda.cu", OPTIONS, TYPE=scalar, QUAD=_QUAD, TURN=f"{TURN!r}f")
     def decode_quad(
         frames: wp.array3d[scalar],
         begin: int,

@@ -16,7 +16,6 @@ from cvkern.kernels.warp.geometry._lens import NEWTON_STEPS, WIDEST
 OPTIONS = {"enable_backward": False}
 EXACT = OPTIONS | {"fuse_fp": False}
 _RUN = 8  # pixels of a thread on CUDA
-_BOUNDS = 128, 5  # threads of a block on CUDA, and blocks of a multiprocessor
 _NUMBERS = {"NEWTON_STEPS": NEWTON_STEPS, "WIDEST": f"{WIDEST:.1f}f", "LENS_STEPS": LENS_STEPS,
             "NEAR": f"{NEAR}f", "STILL": f"{STILL}f"}  # fmt: skip
 
@@ -38,8 +37,7 @@ def intersect(
     inputs = [places, valid, lenses, pose]
     rows, pixels = places.shape[0], places.size
     if points.device.is_cuda:
-        threads = rows * -(-places.shape[1] // _RUN)
-        launch(_intersect_cuda(axis), threads, inputs, [points], _BOUNDS[0])
+        launch(_intersect_cuda(axis), rows * -(-places.shape[1] // _RUN), inputs, [points])
         return
     launch_slabs(_intersect_cpu(axis), rows, slabs(rows, 16 * pixels), inputs, [points])
 
@@ -78,14 +76,7 @@ def _intersect_cpu(axis: int) -> wp.Kernel:
 
 @lru_cache
 def _intersect_cuda(axis: int) -> wp.Kernel:
-    @_native.kernel(
-        "_triangulation_cuda.cu",
-        OPTIONS,
-        launch_bounds=_BOUNDS,
-        AXIS=axis,
-        RUN=_RUN,
-        **_NUMBERS,
-    )
+    @_native.kernel("_triangulation_cuda.cu", OPTIONS, AXIS=axis, RUN=_RUN, **_NUMBERS)
     def intersect_run(
         places: wp.array2d[float],
         valid: wp.array2d[wp.uint8],
