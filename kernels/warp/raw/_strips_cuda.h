@@ -56,8 +56,9 @@ struct Square {
     int rows[3], columns[3];  // rows as places of the first of three values side by side
     int at[4];                // places beyond the border are the first one's, and are not written
     bool right, lower, whole;
-    bool narrow, first, last,
-        odd;  // fewer columns than three; at the left border, or the right one
+    bool narrow;       // whether the smaller level has fewer columns than three
+    bool first, last;  // whether the square is at the left border, or at the right one
+    bool odd;          // whether the level has an odd number of columns
 
     CUDA_CALLABLE Square(int y, int x, int height, int width, int tall, int wide) {
         for (int k = 0; k < 3; ++k) {
