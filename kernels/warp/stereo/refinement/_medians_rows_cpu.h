@@ -14,11 +14,14 @@ void along(int slab, int first, int last, wp::array_t<float> disparity,
     }
     for (int row = first; row < last; ++row) {
         const size_t begin = (size_t)row * columns;
-        for (int x = 0; x < columns + 2 * radius; ++x) {
-            const int i = x - radius < 0 ? 0 : x - radius < columns ? x - radius : columns - 1;
-            line[x] = disparity.data[begin + i];
-            gray_line[x] = guide.data[begin + i];
+        const float* const from = disparity.data + begin;
+        const unsigned char* const gray = guide.data + begin;
+        for (int x = 0; x < radius; ++x) {
+            line[x] = from[0], line[radius + columns + x] = from[columns - 1];
+            gray_line[x] = gray[0], gray_line[radius + columns + x] = gray[columns - 1];
         }
+        __builtin_memcpy(line + radius, from, columns * sizeof(float));
+        __builtin_memcpy(gray_line + radius, gray, columns);
         medians_of_row(values, grays, radius, contrast, columns, smooth.data + begin);
     }
 }
