@@ -10,11 +10,10 @@ import warp as wp
 
 from cvkern.kernels.warp import _native
 
-_OPTIONS = {"enable_backward": False, "fuse_fp": False}
-wp.set_module_options(_OPTIONS)
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-@_native.kernel("_speckles_cpu.h", _OPTIONS)
+@_native.kernel("_speckles_cpu.h")
 def mark(
     slab: int,
     first: int,
@@ -27,7 +26,7 @@ def mark(
 ): ...
 
 
-@_native.kernel("_speckles_cpu.h", _OPTIONS)
+@_native.kernel("_speckles_cpu.h")
 def keep(
     slab: int,
     first: int,
