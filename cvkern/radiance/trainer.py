@@ -24,7 +24,6 @@ from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.wild.appearance import Appearance
 from cvkern.radiance.wild.distractors import DISTRACTORS, Distractors
 from cvkern.radiance.wild.embeddings import Embedding
-from cvkern.radiance.wild.options import check_whole
 from cvkern.radiance.wild.transient import Passing
 
 LOOK = 16  # steps between checks of the device by the host
@@ -76,8 +75,6 @@ class Trainer:
         self.huber = HUBER if loss == "huber" else 0.0
         used, state = ~scene.test, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
-        if self.field.whole:
-            check_whole(scene, spread, model)
         self.field.begin(self.views)
         count = self.field.rays
         images = scene.images[used]

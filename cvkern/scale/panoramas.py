@@ -33,7 +33,7 @@ MAX_BYTES = 2**29
 DEFAULTS: dict[str, Any] = {
     name: option.default
     for name, option in signature(cvkern.stitch).parameters.items()
-    if name not in ("images", "crop", "progress")
+    if name not in ("images", "crop", "names", "progress")
 } | {"max_pixels": MAX_PIXELS}
 WRITTEN = re.compile(r"panorama-\d+(-mask)?\.(npy|tif|zarr)")
 

@@ -324,3 +324,5 @@ def test_a_panorama_that_is_too_large_is_refused_before_it_is_drawn(sheet, monke
     assert 430 < width < 480
     assert 220 < height < 270
     assert "of images 0, 1, got 50000: scale makes it smaller, and 0." in said
+    with pytest.raises(ValueError, match=r"the panorama of images left\.png, right\.png, got"):
+        cvkern.stitch(sheet[:2], max_pixels=50_000, names=["left.png", "right.png"])

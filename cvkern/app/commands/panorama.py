@@ -105,7 +105,7 @@ def panorama(
         known = None if np.isnan(lengths).all() else lengths
         made = cvkern.stitch(
             images, surface=surface, scale=scale, crop=crop, compensate=compensate,
-            focal_lengths=known, max_pixels=max_pixels,
+            focal_lengths=known, max_pixels=max_pixels, names=names,
             progress=lambda done, total, text: bar.update(
                 task, completed=done, total=total, description=text
             ),
