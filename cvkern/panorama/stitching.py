@@ -93,8 +93,8 @@ def stitch(
         If an image does not hold real numbers, or a name is no string.
     ValueError
         If there are no images, one is empty or of another shape, their dtypes differ, the arrays
-        are on several devices, there are not as many `names`, an option is out of its range, or a panorama would have more than
-        `max_pixels`.
+        are on several devices, there are not as many `names`, an option is out of its range, or a
+        panorama would have more than `max_pixels`.
 
     Warns
     -----

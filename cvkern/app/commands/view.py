@@ -133,9 +133,8 @@ def _record(file: Path, values: np.ndarray | None, target: Path, camera: Camera 
 
         recording.cloud(*read_ply(file))
     else:
-        if camera is not None:
-            values = cvkern.disparity_to_depth(values, *camera)
-        (recording.map if _is_map(values) else recording.photograph)(values)
+        shown = values if camera is None else cvkern.disparity_to_depth(values, *camera)
+        (recording.map if _is_map(shown) else recording.photograph)(shown)
     recording.save()
 
 
