@@ -20,7 +20,6 @@ from cvkern.radiance import (
     fit,
     load_model,
     load_scene,
-    load_scene,
     make_scene,
     orbit_cameras,
     render,
@@ -330,7 +329,7 @@ def test_train_takes_bounds_and_settings(command, folder, tmp_path):
         (["--bounds", "1,2"], "bounds must be X,Y,Z,HALF, got '1,2'"),
         (["--set", "degree"], "set must be NAME=VALUE with a number, got 'degree'"),
         (["--set", "colour=1"], "set must be one of"),
-        (["--set", "resolutions=32"], "shares must be 0 numbers, got 2"),
+        (["--set", "resolutions=32"], "shares must be 0 numbers, got 1"),
     ):
         code, _, said = command("train", folder, "-o", tmp_path / "b.npz", "--steps", 1, *wrong)
         assert code != 0
