@@ -138,7 +138,7 @@ def test_settings_are_checked(settings, message):
     [
         ({"resolutions": 32}, "resolutions must be a sequence of integers, got 32"),
         ({"shares": 0.3}, "shares must be a sequence of numbers, got 0.3"),
-        ({"shares": ("a", "b")}, "shares must be a real number, got 'a'"),
+        ({"shares": ("a", "b")}, "shares must be a number, got 'a'"),
     ],
 )
 def test_settings_of_other_types(settings, message):
