@@ -78,6 +78,15 @@ void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<in
     const bool mine = (lane & 1) == 0 && (lane >> 2 & 1) + (lane >> 1 & 1) < 2 && part < 5 &&
                       part + 5 * (lane >> 4) < SLOPES;
     const int number = part + 5 * (lane >> 4);
+    const auto fold = [lane](float* v, const int count, const int bit) {
+        const bool high = lane & bit;
+#pragma unroll
+        for (int k = 0; k < 5; ++k) {
+            if (k >= count) continue;
+            const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + count], bit);
+            v[k] = (high ? v[k + count] : v[k]) + other;
+        }
+    };
     const int end = ranges.data[tile + 1];
     for (int begin = ranges.data[tile]; begin < end; begin += BATCH) {
         const bool alive = __syncthreads_or(through > stop);
@@ -124,29 +133,12 @@ void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<in
                 v[8] = weight * g[2];
                 through = left;
             }
-#pragma unroll
-            for (int k = 0; k < 5; ++k) {
-                const bool high = lane & 16;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 5], 16);
-                v[k] = (high ? v[k + 5] : v[k]) + other;
-            }
+            fold(v, 5, 16);
             v[5] = 0.0f;
-#pragma unroll
-            for (int k = 0; k < 3; ++k) {
-                const bool high = lane & 8;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 3], 8);
-                v[k] = (high ? v[k + 3] : v[k]) + other;
-            }
+            fold(v, 3, 8);
             v[3] = 0.0f;
-#pragma unroll
-            for (int k = 0; k < 2; ++k) {
-                const bool high = lane & 4;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 2], 4);
-                v[k] = (high ? v[k + 2] : v[k]) + other;
-            }
-            const bool high = lane & 2;
-            const float other = __shfl_xor_sync(0xffffffffu, high ? v[0] : v[1], 2);
-            v[0] = (high ? v[1] : v[0]) + other;
+            fold(v, 2, 4);
+            fold(v, 1, 2);
             v[0] += __shfl_xor_sync(0xffffffffu, v[0], 1);
             if (mine) sums[n][warp][number] = v[0];
         }
