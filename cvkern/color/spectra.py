@@ -208,7 +208,7 @@ def spectrum_to_xyz(
 
 
 def matching_weights(wavelengths: Any, light: Any, observer: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return wavelengths, and by what values there are multiplied and added up, (N, 3)."""
+    """Return wavelengths (N,), and the weights of the values there, (N, 3)."""
     check_choice(observer, tuple(OBSERVERS), "observer")
     grid = _grid(wavelengths)
     table = _table("observers")

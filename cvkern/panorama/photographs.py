@@ -251,7 +251,7 @@ def _near(
 
 
 def _growth(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return by what a homography multiplies areas at points (N, 2)."""
+    """Return the factors by which a homography enlarges areas at points (N, 2)."""
     depth = points @ matrix[2, :2] + matrix[2, 2]
     with np.errstate(divide="ignore", over="ignore"):
         return np.abs(np.linalg.det(matrix) / depth**3)

@@ -335,7 +335,7 @@ class Trainer:
         return samples
 
     def look(self, quality: float, rate: float) -> Look:
-        """Return what there is to tell, and make the model ready to be looked at."""
+        """Return the state of the training, and make the model ready to render."""
         self.keep()
         state = self.model.training
         mark = state.marks[-1] if state.marks and state.marks[-1].step == state.step else None

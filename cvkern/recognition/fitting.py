@@ -233,7 +233,7 @@ def mistaken(
     floor: float,
     settings: Settings,
 ) -> Iterator[Window]:
-    """Yield the places of a scene with most evidence for an object where there is none."""
+    """Yield the places without an object that have the most evidence for one."""
     example, shape, place = scene
     space, _, _ = layout((shape[0], shape[1]), ZOOMS)
     given = zip(Patches._fields, (*example.places[1:], example.matches), strict=True)

@@ -157,7 +157,7 @@ def occurrences_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Return starts and entries of the occurrences of `count` words, and their mean masks.
 
-    Weights of a word add up to `ONE`, but for what rounding takes.
+    Weights of a word add up to `ONE`, or a little less after rounding.
     """
     side = settings.sampling.side
     middle = settings.middle

@@ -171,7 +171,7 @@ def stitch(
     folder.mkdir(parents=True, exist_ok=True)
     call = {"files": [_state(f) for f in files], "data_range": white, "backend": backend}
     book = Journal(journal, {"function": "stitch"} | call)
-    # Whoever changes how panoramas are drawn, because one is too large say, keeps the keypoints.
+    # Options of the drawing are noted apart: a call that changes only these keeps the keypoints.
     how = {"options": options, "suffix": suffix, "tile": tile}
     if (journal / "tiles").exists():
         Journal(journal / "tiles", how)  # refuses another drawing before any work

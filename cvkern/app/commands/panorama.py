@@ -210,7 +210,7 @@ def _size(one: Any) -> str:
 
 
 def _entry(one: Any, names: list[str], file: str) -> dict[str, Any]:
-    """Return what the report has of a panorama; what it has no number for is null."""
+    """Return the entry of a panorama in the report; unknown numbers are null."""
 
     def numbers(array: np.ndarray) -> Any:
         return None if np.isnan(array).any() else array.astype(np.float64).round(9).tolist()
