@@ -85,7 +85,7 @@ def forget() -> None:
 
 
 def _place_of(image: Any) -> Any:
-    """Return what decides on the launches of a call: shape, dtype, device and stream.
+    """Return the properties that decide the launches of a call: shape, dtype, device and stream.
 
     Return None if `image` is no tensor on a GPU that kernels take as it is.
     """
@@ -101,7 +101,7 @@ def _place_of(image: Any) -> Any:
 
 
 def _noted(function: Callable[..., Any], args: Any, options: Any) -> tuple[Any, Any]:
-    """Return what a call returns, and its repetition, or False if there is none."""
+    """Return the result of a call, and its repetition, or False if it cannot be repeated."""
     image = args[0]
     results: list[Any] = []
     try:

@@ -72,7 +72,7 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
 
 
 def check_names(names: Any, count: int) -> list[str]:
-    """Return what messages call so many images: their indices, if there are no names."""
+    """Return the names of so many images in messages: their indices if `names` is None."""
     if names is None:
         return [str(i) for i in range(count)]
     called = (

@@ -73,7 +73,7 @@ def masks_of(found: Found) -> Any:
 
 
 def objects_of(found: Found, bias: int) -> Objects:
-    """Return what was found, in pixels."""
+    """Return the objects that were found, in pixels."""
     rt, count = found.rt, found.number
     shapes = (count, 4), (count,), (count, 2), (count,)
     if not count:

@@ -202,7 +202,7 @@ def most_frequent(words: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def window_at(example: Example, place: np.ndarray, factors: Factors, settings: Settings) -> Window:
-    """Return what lies in the frame at a place (row, column, scale), as kernels find it."""
+    """Return the matches inside the frame at a place (row, column, scale), as kernels find them."""
     seen, side = example.places, settings.sampling.side
     axis = int(settings.width >= settings.height)
     parts = []

@@ -64,7 +64,7 @@ class Growth:
         self._straighten()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return what changes while it grows."""
+        """Return copies of all that changes while the model grows."""
         failed = np.array(list(self.failed.items()), int).reshape(-1, 2)
         whole = {name: getattr(self, name).copy() for name in KEPT}
         tracks = {name: getattr(self.tracks, name).copy() for name in Tracks._fields[:-1]}

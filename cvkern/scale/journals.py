@@ -46,7 +46,7 @@ class Journal:
                 np.savez(stream, done=np.ones(1, bool), **kept)  # pyright: ignore[reportArgumentType]
 
     def kept(self, part: int | str) -> dict[str, np.ndarray] | None:
-        """Return what was kept of a finished part, or None; a damaged file is no finished part."""
+        """Return the arrays of a finished part, or None if it is missing or its file is damaged."""
         if self.folder is None or not (self.folder / f"{part}.npz").exists():
             return None
         try:

@@ -225,7 +225,7 @@ def _checked(given: dict[str, Any], count: int) -> tuple[Options, Any, float | N
 
 
 def _state(file: Path) -> list[Any]:
-    """Return what tells a file from another that takes its place."""
+    """Return the path, size and time of a file, which change if another takes its place."""
     try:
         found = file.stat()
     except OSError:

@@ -46,7 +46,7 @@ def _undrawn(drawn: Callable[..., str]) -> Callable[..., str]:
 
 
 def _classless(searched: Callable[..., bool]) -> Callable[..., bool]:
-    """Return what knows that no kernel of ours is in a class.
+    """Return a replacement of `searched` for functions that are in no class, as all our kernels.
 
     The class, if there is one, is that many calls up; the function is decorated one call before.
     """

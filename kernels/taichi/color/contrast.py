@@ -1,8 +1,8 @@
 """Histograms and tone curves, in Taichi.
 
-CLAHE [Zuiderveld 1994]: each tile of an image has a histogram, cut off at a limit, whose cumulative
-sums map its bins to tones. A pixel gets the mean of the tones of the four nearest tiles, weighted by
-its distance to their middles. Counters are integers, so they do not depend on the order of the pixels.
+CLAHE [Zuiderveld 1994]: each tile of an image has a histogram, cut off at a limit, whose sums map
+its bins to tones. A pixel gets the mean of the tones of the four nearest tiles, weighted by its
+distance to their middles. Counters are integers, so they do not depend on the order of the pixels.
 """
 
 import numpy as np

@@ -56,7 +56,8 @@ def paint_figures(
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
     of the object at scale 0 with a margin. Pixels are the nearest ones. Two kinds of
     patches are left out: those whose size differs by half an octave, and those whose middle is
-    farther from the mode than the box at their own size and the radius of the kernel. One thread a mode.
+    farther from the mode than the box at their own size and the radius of the kernel. One thread a
+    mode.
     """
     places, _, _, matches = patches
     bins, slack, factors, lowest = space

@@ -149,7 +149,7 @@ def depth_gradients(depth: np.ndarray, slopes: np.ndarray, grads: np.ndarray) ->
 
 @ti.func
 def _basis(x: ti.f32, y: ti.f32, z: ti.f32, harmonic: ti.i32, zero: ti.i32):
-    """Return what the coefficients of a light are multiplied by."""
+    """Return the factors of the coefficients of a light."""
     b = vec9(0.0)
     if harmonic:
         b[0] = 1.0

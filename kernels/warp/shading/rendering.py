@@ -152,7 +152,7 @@ def _depth_gradients(
 
 @wp.func
 def _basis(x: float, y: float, z: float, harmonic: bool):
-    """Return what the coefficients of a light are multiplied by."""
+    """Return the factors of the coefficients of a light."""
     b = vec9()
     if harmonic:
         b[0] = 1.0

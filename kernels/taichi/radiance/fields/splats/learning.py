@@ -144,8 +144,8 @@ def relocate(
     """Make M splats copies of others, and forget Adam's moments of them.
 
     `rows` (M, 2) int32 has the splats that change, each once, and the splats that they copy. A
-    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are their
-    opacities, before the logistic function, and what is added to the logarithms of their sizes.
+    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are
+    their opacities, before the logistic function, and the changes of the logarithms of their sizes.
     """
     for values, first, second in zip(splats, mean, square, strict=True):
         if values.shape[1] > 1 or values.shape[0] == splats.means.shape[0]:

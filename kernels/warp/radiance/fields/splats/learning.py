@@ -28,7 +28,7 @@ def restrain_kernel(
     # outputs
     d_splats: Splats,
 ):
-    """Add what opacity and sizes cost."""
+    """Add the gradients of the costs of opacities and sizes."""
     for n in range(first + wp.tid(), last, stride):
         o = 1.0 / (1.0 + exponential(-splats.opacities[n, 0]))
         d_splats.opacities[n, 0] = d_splats.opacities[n, 0] + opacity * (o * (1.0 - o))
@@ -144,8 +144,8 @@ def relocate(
     """Make M splats copies of others, and forget Adam's moments of them.
 
     `rows` (M, 2) int32 has the splats that change, each once, and the splats that they copy. A
-    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are their
-    opacities, before the logistic function, and what is added to the logarithms of their sizes.
+    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are
+    their opacities, before the logistic function, and the changes of the logarithms of their sizes.
     """
     count = rows.shape[0]
     outputs = [struct_of(Splats, s) for s in (splats, mean, square)]
