@@ -19,6 +19,7 @@ from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.logs import Look, Watch
 from cvkern.radiance.models import APPEARANCE, TRANSIENT, Mark, Model
+from cvkern.radiance.progress import Say
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.wild.appearance import Appearance
@@ -43,8 +44,6 @@ SAME = 0.5
 # photograph's light.
 GLOSS = 0.03
 FEW = 4  # held-out views of an evaluation during training
-
-Say = Callable[[float, str], None]  # the share that is done, and what it does
 
 
 class Trainer:
