@@ -37,7 +37,7 @@ _thread = _Thread()
 
 
 class _Repeat:
-    """The launches of a call, and what its results are."""
+    """The launches of a call, and the kinds of its results."""
 
     def __init__(self, plan: Any, lib: Library, device: str, results: list[Any], kind: Any):
         self._plan, self._lib, self._device, self._kind = plan, lib, device, kind

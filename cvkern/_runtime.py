@@ -308,7 +308,7 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-        """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
+        """Launch `call`, which its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
 
     def plan(self, call: Callable[[], Any], image: Any, results: list[Any]) -> tuple[Any, Any]:

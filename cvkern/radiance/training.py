@@ -302,7 +302,7 @@ def _told(text: str) -> None:
 def _watched(
     callback: Callable[[int, float, Model], Any] | None, write: logs.Write | None, model: Model
 ) -> logs.Watch | None:
-    """Return a function that writes what it is told to a log, and calls back."""
+    """Return a function that writes each step to a log, and calls the callback."""
     if callback is None and write is None:
         return None
     told = -1

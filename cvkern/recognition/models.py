@@ -137,7 +137,7 @@ class ShapeModel:
 
     @property
     def threshold(self) -> float | None:
-        """Least score of what is found by default."""
+        """Least score of an object, by default."""
         return None if self._fitted is None else self._fitted.threshold
 
     @property

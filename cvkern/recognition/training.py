@@ -117,7 +117,7 @@ Factors = Callable[[int], int]
 
 
 class Learnt(NamedTuple):
-    """Weights of evidence, and what is added to their sum."""
+    """Weights of evidence, and the constant that is added to their sum."""
 
     weights: np.ndarray
     bias: int
@@ -244,7 +244,7 @@ def columns(windows: list[Window], count: int, cells: int) -> scipy.sparse.csr_m
 
 
 def halves(windows: list[Window]) -> list[Window]:
-    """Return each window whole, and what is seen of it with either half hidden."""
+    """Return each window whole, with its left half hidden, and with its right half hidden."""
     found = list(windows)
     for window in windows:
         for seen in (window.high <= SEEN, window.low >= -SEEN):

@@ -175,7 +175,7 @@ class Growth:
                 self.adjusted = now
 
     def settle(self, last: bool = False) -> bool:
-        """Adjust everything, leave out what does not fit, look for more; True if nothing changed.
+        """Adjust everything, remove outliers, look for more views; True if nothing changed.
 
         In the end, `last`, with more steps and all parameters of the lens.
         """

@@ -40,7 +40,7 @@ class Journal:
         return self.folder is not None and next(self.folder.glob("*.npz"), None) is not None
 
     def note(self, part: int | str, kept: dict[str, np.ndarray]) -> None:
-        """Note that a part is finished, a tile for example, and keep what is needed of it."""
+        """Note that a part is finished, a tile for example, and keep the given arrays of it."""
         if self.folder is not None:
             with replacing(self.folder / f"{part}.npz") as beside, open(beside, "wb") as stream:
                 np.savez(stream, done=np.ones(1, bool), **kept)  # pyright: ignore[reportArgumentType]

@@ -246,7 +246,7 @@ def _lazy(
 
 
 def _ahead(tiles: list[Tile], read: Callable[[Tile], Any]) -> Iterator[tuple[Tile, Any]]:
-    """Yield each tile with what was read of it, while the next one is being read."""
+    """Yield each tile with its pixels, while the next one is being read."""
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(read, tiles[0]) if tiles else None
         for n, tile in enumerate(tiles):
@@ -288,7 +288,7 @@ def _computed(
 def _told(
     tiles: list[Tile], read: Callable[[Tile], Any], progress: Callable[[int, int], object] | None
 ) -> Iterator[tuple[Tile, np.ndarray, dict[str, np.ndarray]]]:
-    """Yield the tiles of one image with what was read, and tell how many are finished."""
+    """Yield the tiles of one image with their pixels, and tell how many are finished."""
     for n, (tile, ((window,), beside)) in enumerate(_ahead(tiles, read)):
         yield tile, window, beside
         if progress:

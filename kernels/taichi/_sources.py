@@ -20,7 +20,7 @@ _FOLDER = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 
 def read_once() -> None:
-    """Replace these functions of Taichi; for the code of others they do what they did."""
+    """Replace these functions of Taichi; for the code of others they act as before."""
     context = getattr(ast_transformer_utils, "ASTTransformerContext", None)
     _replace(context, "get_pos_info", _undrawn)
     _replace(kernel_impl, "getsourcelines", functools.cache)

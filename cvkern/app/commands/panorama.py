@@ -191,7 +191,7 @@ def _report(
 
 
 def _make_alike(images: list[np.ndarray]) -> dict[int, np.dtype]:
-    """Convert images in place to the dtype of most, of equals the widest; return what others had.
+    """Convert images in place to the commonest dtype, if tied the widest; return the old dtypes.
 
     White stays white: the largest number of an integer dtype, and 1 of floats.
     """

@@ -84,7 +84,7 @@ def view(
 def _page(
     file: Path, values: np.ndarray | None, host: str, port: int, camera: Camera | None
 ) -> tuple[Page, Callable[[], bool]]:
-    """Open the page of a file, or of its values; return it, and what serves it."""
+    """Open the page of a file, or of its values; return it, and the function that serves it."""
     model = _model(file)
     if model is not None:
         from cvkern.app.viewer.fields import FieldPage

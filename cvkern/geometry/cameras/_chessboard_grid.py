@@ -153,7 +153,7 @@ def _edges(
 
 
 def _grown(links: list[list[int]], back: list[list[int]], start: int) -> dict[tuple[int, int], int]:
-    """Walk from one corner to all that are joined with it; what fits nowhere is left out.
+    """Walk from one corner to all that are joined with it; corners that fit nowhere are left out.
 
     A corner is known with its ray along the rows; rows, columns follow each other as angles grow,
     so that no grid is mirrored.

@@ -80,7 +80,7 @@ def add(
     # output
     sums: f64_3,
 ):
-    """Sum what the matches of a lane give to the equations of a least-squares step."""
+    """Sum the terms of the matches of a lane in the equations of a least-squares step."""
     for item, lane in ti.ndrange(sums.shape[0], LANES):
         pair = pairs[item // per_pair]
         start, count = spans[pair, 0], spans[pair, 1]

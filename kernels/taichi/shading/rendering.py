@@ -32,7 +32,7 @@ def _finite(x: ti.f32) -> ti.i32:
 
 @ti.func
 def _slope(before: ti.f32, here: ti.f32, after: ti.f32) -> ti.f32:
-    """Return the difference across a pixel: central, one-sided beside what is not finite, or 0."""
+    """Return the difference across a pixel: central, one-sided beside NaN or infinity, or 0."""
     slope = 0.0
     if _finite(before) and _finite(after):
         slope = (after - before) * 0.5

@@ -17,7 +17,7 @@ vec9 = wp.types.vector(length=9, dtype=wp.float32)
 
 @wp.func
 def _slope(before: float, here: float, after: float):
-    """Return the difference across a pixel: central, one-sided beside what is not finite, or 0."""
+    """Return the difference across a pixel: central, one-sided beside NaN or infinity, or 0."""
     slope = float(0.0)
     if wp.isfinite(before) and wp.isfinite(after):
         slope = (after - before) * 0.5
