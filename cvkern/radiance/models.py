@@ -120,6 +120,8 @@ class Model:
         if self.appearance is not None:
             views, values = (self.extra[APPEARANCE + name] for name in ("views", "values"))
             found[views] += values.reshape(-1, *found.shape[1:])
+            if APPEARANCE + "gauge" in self.extra:
+                found[self.gauge] = np.eye(3, 4) + self.extra[APPEARANCE + "gauge"].reshape(3, 4)
         return found
 
     @property

@@ -22,7 +22,7 @@ from cvkern.radiance.models import APPEARANCE, TRANSIENT, Mark, Model
 from cvkern.radiance.progress import Say
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
-from cvkern.radiance.wild.appearance import Appearance
+from cvkern.radiance.wild.appearance import Appearance, fit_gauge
 from cvkern.radiance.wild.distractors import DISTRACTORS, Distractors
 from cvkern.radiance.wild.embeddings import Embedding
 from cvkern.radiance.wild.transient import Passing
@@ -249,6 +249,7 @@ class Trainer:
         """
         state, at = self.model.training, self.learning.step
         state.stopped, first = False, state.step
+        self.model.extra.pop(APPEARANCE + "gauge", None)
         before, begin, saved, quality = state.seconds, time.perf_counter(), state.seconds, math.nan
         told, rate = (before, state.total_rays), math.nan
 
@@ -307,6 +308,9 @@ class Trainer:
             one.field.rest()
             one.field.look_aside(False)
         try:
+            if not state.stopped and isinstance(self.appearance, Appearance):
+                self.keep()
+                fit_gauge(self.model, self.scene)
             if not state.stopped and (state.step > first or not state.marks):
                 self.mark(quality, stop, say, len(self.scene))
             if watch is not None and state.step > first:

@@ -2,9 +2,11 @@
 
 On CUDA, Taichi 1.7 marks all its code "unsafe-fp-math", even without its option `fast_math`. Then a
 product followed by a sum becomes a fused multiply-add, and division and square root become
-approximations. Other operations (sums, single products, comparisons) follow IEEE everywhere, except
-that Taichi treats numbers below 1.2e-38 as zero where `_denormals.py` does not prevent that. The
-argument `zero` is always 0.
+approximations. In a loop, a division by what the loop does not change becomes a product by the
+reciprocal, in float64 too: such code takes the reciprocal itself, in both kernel sets. Other
+operations (sums, single products, comparisons) follow IEEE everywhere, except that Taichi treats
+numbers below 1.2e-38 as zero where `_denormals.py` does not prevent that. The argument `zero` is
+always 0.
 """
 
 import taichi as ti

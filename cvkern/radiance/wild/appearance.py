@@ -14,6 +14,7 @@ from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.models import APPEARANCE, Model
 from cvkern.radiance.pinhole import Cameras, pixel_rays
 from cvkern.radiance.rendering import Renderer, owned, render
+from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.wild.embeddings import search
 from cvkern.radiance.wild.tables import Table
 
@@ -23,6 +24,7 @@ RATE, WARMUP, FINAL = 1e-2, 100, 0.1  # learning rate, steps until it is full, s
 RIDGE = 1e-4  # weight of the identity in the fit of a photograph's map, for each pixel
 DECAY = 3e-5  # weight decay towards the identity
 PIXELS = 4096  # most pixels of the search for the light of a new photograph
+ROUNDS = 4  # A fit leaves out the clipped channels that are beyond the map of the fit before.
 
 
 class Appearance(Table):
@@ -70,10 +72,11 @@ def fit_appearance(
     -------
     array of shape (3, 4) or (16,), float64
         The light, for ``render(..., appearance=light)``. It is the matrix (A, b) of the map A c + b
-        of colours: the least squares over the pixels, with a weak preference for the identity. For
-        a model that was trained with ``appearance="embedding"``, it is the 16 numbers of least
-        squares over at most 4096 of the pixels, by Levenberg's and Marquardt's method, with a weak
-        preference for the mean of the known lights.
+        of colours: the least squares over the pixels, with a weak preference for the identity. A
+        channel of 0 or 255 counts as that value or beyond. For a model that was trained with
+        ``appearance="embedding"``, it is the 16 numbers of least squares over at most 4096 of the
+        pixels, by Levenberg's and Marquardt's method, with a weak preference for the mean of the
+        known lights.
 
     Raises
     ------
@@ -111,20 +114,55 @@ def fit_appearance(
         few = few[:: -(-len(few) // PIXELS)]
         chosen = np.zeros(shape, bool)
         chosen[tuple(few.T)] = True
-    wanted = photo[chosen].astype(np.float64) / 255
-    color, opacity = wanted[:, :3], np.ones(len(wanted))
-    if photo.shape[2] == 4:
-        color, opacity = color * wanted[:, 3:], wanted[:, 3]
-    if embedded:
-        return _searched(model, pixel_rays(cameras, view, few), color, opacity)
+    if not embedded:
+        return _fitted(model, photo, cameras, view, chosen.astype(np.float64))
+    color, opacity = _composited(photo[chosen])
+    return _searched(model, pixel_rays(cameras, view, few), color, opacity)
+
+
+def fit_gauge(model: Model, scene: Scene) -> None:
+    """Find the map of the photograph whose light pictures have again, from all its pixels.
+
+    A training sees few of them while the field still changes. The map is kept beside those that a
+    resumed training goes on with.
+    """
+    view = model.gauge
+    weights = model.weights[view].astype(np.float64)
+    if scene.masks is not None:
+        weights *= scene.masks[view]
+    found = _fitted(model, scene.images[view], scene.cameras, view, weights) - np.eye(3, 4)
+    model.extra[APPEARANCE + "gauge"] = found.reshape(1, 12).astype(np.float32)
+
+
+def _composited(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the premultiplied colours (N, 3) and the opacities (N,) of pixels of bytes."""
+    wanted = pixels.astype(np.float64) / 255
+    if pixels.shape[1] == 4:
+        return wanted[:, :3] * wanted[:, 3:], wanted[:, 3]
+    return wanted, np.ones(len(wanted))
+
+
+def _fitted(
+    model: Model, photo: np.ndarray, cameras: Cameras, view: int, weights: np.ndarray
+) -> np.ndarray:
+    """Return the map of least squares over the pixels of weights (H, W) above 0."""
+    chosen = weights > 0
+    pixels, share = photo[chosen], weights[chosen, None]
+    color, opacity = _composited(pixels)
     seen = render(model, cameras, view, background=(0, 0, 0), appearance=np.eye(3, 4))
     found = np.column_stack((seen.color[chosen], seen.opacity[chosen])).astype(np.float64)
     # What the field does not cover is background, in the photograph too.
-    left = (opacity - found[:, 3])[:, None] * model.behind
-    start = np.eye(3, 4)
-    system = found.T @ found + RIDGE * len(found) * np.eye(4)
-    change = np.linalg.solve(system, found.T @ (color - left - found @ start.T))
-    return start + change.T
+    wanted = color - (opacity - found[:, 3])[:, None] * model.behind
+    least, most = pixels[:, :3] == 0, pixels[:, :3] == 255
+    start = light = np.eye(3, 4)
+    for _ in range(ROUNDS):
+        error = found @ light.T - wanted
+        counts = share * ~((most & (error > 0)) | (least & (error < 0)))
+        system = np.einsum("nk,ni,nj->kij", counts, found, found)
+        system += RIDGE * share.sum() * np.eye(4)
+        right = np.einsum("nk,ni,nk->ki", counts, found, wanted - found @ start.T)
+        light = start + np.linalg.solve(system, right[..., None])[..., 0]
+    return light
 
 
 def _searched(

@@ -314,8 +314,9 @@ def unit(work: f64_3, t: ti.i32, row: ti.i32) -> ti.i32:
     found = 0
     if largest > 0.0 and largest < ti.f64(1e300):
         found = 1
+        inverse = 1.0 / largest
         for i in range(9):
-            work[t, row, i] = work[t, row, i] / largest
+            work[t, row, i] = work[t, row, i] * inverse
     return found
 
 

@@ -323,8 +323,9 @@ def _move(kind: ti.template(), equations: f64_3, item: ti.i32, trial: f64_2):
         largest = ti.cast(0.0, ti.f64)
         for i in range(9):
             largest = ti.max(largest, ti.abs(trial[item, i]))
+        inverse = 1.0 / largest
         for i in range(9):
-            trial[item, i] = trial[item, i] / largest
+            trial[item, i] = trial[item, i] * inverse
 
 
 @ti.kernel

@@ -36,7 +36,8 @@ struct Epipolar {
         double largest = 0.0;
         for (int i = 0; i < 9; ++i) largest = wp::abs(h[i]) > largest ? wp::abs(h[i]) : largest;
         if (!(largest > 0.0 && largest < 1e300)) return false;
-        for (int i = 0; i < 9; ++i) h[i] = h[i] / largest;
+        const double inverse = 1.0 / largest;
+        for (int i = 0; i < 9; ++i) h[i] = h[i] * inverse;
         return true;
     }
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 from cvkern._runtime import runtime
 from cvkern.kernels.codes.radiance import Background, Comparison
@@ -117,6 +118,28 @@ def test_changed_light_is_told_from_the_scene(scenes, model):
     )
 
 
+def test_the_light_of_the_gauge_is_found_again(scenes, model):
+    """The map that fits its photograph best, by SciPy; channels that were clipped are bounds."""
+    wild, view = scenes[1], model.gauge
+    seen = render(model, wild.cameras, view, background=(0, 0, 0), appearance=np.eye(3, 4))
+    found = np.column_stack((seen.color.reshape(-1, 3), seen.opacity.ravel())).astype(np.float64)
+    image = wild.images[view].reshape(-1, 4)
+    alpha = image[:, 3:] / 255
+    wanted = image[:, :3] / 255 * alpha - (alpha - found[:, 3:]) * model.behind
+    for k in range(3):
+        low, high = image[:, k] == 0, image[:, k] == 255
+
+        def errors(change, k=k, low=low, high=high):
+            error = found @ (np.eye(3, 4)[k] + change) - wanted[:, k]
+            beyond = (high & (error > 0)) | (low & (error < 0))
+            return np.append(np.where(beyond, 0, error), np.sqrt(1e-4 * len(found)) * change)
+
+        best = scipy.optimize.least_squares(errors, np.zeros(4)).x
+        np.testing.assert_allclose(
+            model.appearances[view][k], np.eye(3, 4)[k] + best, atol=2e-3
+        )  # four rounds end near the best map
+
+
 def test_a_clean_scene_loses_little(scenes):
     clean = scenes[0]
     plain = fit(clean, GRID, steps=300, progress=False)
@@ -227,7 +250,7 @@ def test_colours_are_the_same_from_all_sides_at_first(scenes, monkeypatch):
     )  # fmt: skip
     assert sum(aside) == 32  # There are 40 steps, in blocks of 16.
     assert (lights[0] != lights[1]).any()  # after 16 and 32 steps
-    np.testing.assert_array_equal(lights[1], lights[-1])  # then they stay
+    np.testing.assert_array_equal(lights[1][1:], lights[-1][1:])  # then they stay
     assert not any(aside[aside.index(False) :])
     aside.clear()
     fit(scenes[1], field, steps=2, progress=False)
