@@ -14,7 +14,7 @@ from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._files import as_path
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule, CameraSet, Composited, Rays, Seen
-from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
+from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats, Tiles
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.march import STOP, taken
@@ -219,12 +219,14 @@ class SplatCloud(Field):
         kernels.projection.project(self.splats, sight, screen)
         kernels.lists.sort(screen, *ranked)
 
+    def _picture(self, sight: Sight, screen: Screen, lists: Lists) -> Tiles:
+        """Return a picture in tiles, whose lists may still be filled."""
+        return Tiles(screen.shown, *lists[3:], sight.width, sight.height, STOP)
+
     def _composite(self, sight: Sight, screen: Screen, lists: Lists, seen: Seen) -> None:
-        kernels, (width, height) = self.rt.radiance.fields.splats, (sight.width, sight.height)
-        kernels.lists.fill(screen, _tiles(width, height)[0], lists)
-        kernels.tiles.composite(
-            screen.shown, lists.entries, lists.ranges, width, height, STOP, seen
-        )
+        kernels = self.rt.radiance.fields.splats
+        kernels.lists.fill(screen, _tiles(sight.width, sight.height)[0], lists)
+        kernels.tiles.composite(self._picture(sight, screen, lists), seen)
 
     def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`: render the photograph that was chosen."""
@@ -235,13 +237,13 @@ class SplatCloud(Field):
 
     def backward(self, gradients: Composited) -> None:
         """See :meth:`Field.backward`."""
-        v, kernels = self.views, self.rt.radiance.fields.splats
+        kernels = self.rt.radiance.fields.splats
+        sight = self._sight(self.views, self.view)
         kernels.tiles.composite_backward(
-            Seen(*gradients[:3]), self.screen.shown, self.lists, v.width, v.height, STOP,
+            Seen(*gradients[:3]), self._picture(sight, self.screen, self.lists),
             Seen(*self.rendered[:3]), self.slopes,
         )  # fmt: skip
         to = Splats(*(self.learnt[name].gradients for name in Splats._fields))
-        sight = self._sight(v, self.view)
         kernels.projection.project_backward(self.splats, sight, self.lists, self.slopes, to)
         s = self.settings
         each = self.rays / s.splats
