@@ -75,9 +75,7 @@ def check_names(names: Any, count: int) -> list[str]:
     """Return the names of so many images in messages: their indices if `names` is None."""
     if names is None:
         return [str(i) for i in range(count)]
-    called = (
-        [] if isinstance(names, str) else list(as_items(names, "names", "a sequence of strings"))
-    )
+    called = list(as_items(names, "names", "a sequence of strings"))
     if isinstance(names, str) or not all(isinstance(name, str) for name in called):
         raise TypeError(f"names must be a sequence of strings, got {names!r}")
     if len(called) != count:

@@ -1,4 +1,4 @@
-"""What panoramas refuse, by the whole message."""
+"""Every error of panoramas, by the whole message."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Heaps of rendered photographs: which belong together, and what they make."""
+"""Heaps of rendered photographs: their groups, and their panoramas."""
 
 import re
 
@@ -259,7 +259,7 @@ def test_tiles_do_not_show(sheet, monkeypatch):
     monkeypatch.setitem(blending.TILES, "cpu", 96)
     (tiled,) = cvkern.stitch(sheet, bands=3)
     np.testing.assert_array_equal(whole.mask, tiled.mask)
-    # Far from a tile its coarsest band is not known; what that leaves is below a grey value.
+    # Far from a tile its coarsest band is unknown; the error is below a grey value.
     assert np.abs(whole.image.astype(int) - tiled.image).max() <= 1
 
 

@@ -79,9 +79,9 @@ def detect_circles(
     image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
     radius_range : two floats, optional
-        Smallest and largest radius, in pixels; at least 3. By default a fortieth and a half of
-        the shorter side, but at least 3. If the smallest is 24 or more, the
-        photograph is first reduced by an integer factor, so that it becomes less than 24.
+        Smallest and largest radius, in pixels, at least 3. By default a fortieth and a half of the
+        shorter side, or 3 if these are less. If the smallest is 24 or more, the photograph is first
+        reduced by an integer factor, so that it becomes less than 24.
     sigma : float, default 2.0
         Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
         reduced photograph.
