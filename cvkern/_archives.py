@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
@@ -20,11 +21,12 @@ ARCHIVE = b"PK\x03\x04"  # first bytes of every archive
 MOST_HEADER, MOST_BYTES = 2**20, 2**36
 
 # Exceptions of reading if bytes are missing or wrong. It is a RuntimeError if the bytes say that an
-# array is encrypted, or packed by a method that zipfile does not know.
+# array is encrypted, or packed by a method that zipfile does not know; NumPy's headers are Python,
+# of which a string may not end.
 DAMAGED = (
     AttributeError, EOFError, IndexError, KeyError, OSError, OverflowError, RuntimeError,
     TypeError, ValueError,
-    zipfile.BadZipFile, zlib.error,
+    tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 
 

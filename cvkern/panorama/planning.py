@@ -16,6 +16,7 @@ from cvkern._checks import (
     check_choice,
     check_flag,
     check_integer,
+    check_number,
     check_positive,
 )
 from cvkern.panorama.models import Alignment, align
@@ -23,6 +24,7 @@ from cvkern.panorama.registration import Heap, Link, connected
 from cvkern.panorama.surfaces import SURFACES, Canvas, lay_out
 
 MOST_BANDS = 8
+LEAST_SCALE = 1e-6  # A panorama is a pixel then; what is farther below has no inverse.
 
 
 class Options(NamedTuple):
@@ -42,7 +44,7 @@ def check_options(
     """Check the options of a drawing, except for the range of `max_pixels`."""
     return Options(
         check_choice(surface, SURFACES, "surface"),
-        check_positive(scale, "scale"),
+        check_number(check_positive(scale, "scale"), "scale", low=LEAST_SCALE),
         check_flag(crop, "crop"),
         check_flag(compensate, "compensate"),
         bands if bands is None else check_integer(bands, "bands", 0, MOST_BANDS),

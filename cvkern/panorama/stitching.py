@@ -60,7 +60,7 @@ def stitch(
         a sphere. No plane holds more than 150 degrees: 'plane' then acts like 'auto'. Images of a
         plane are always drawn on a plane.
     scale : float, default 1.0
-        Pixels of the panorama per pixel of an image.
+        Pixels of the panorama per pixel of an image, at least 1e-6.
     crop : bool, default False
         Cut the panorama to the largest rectangle without gaps.
     compensate : bool, default True

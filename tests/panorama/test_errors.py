@@ -25,6 +25,7 @@ OPTIONS = [
     (ValueError, "surface must be one of ('auto', 'plane', 'cylinder', 'sphere'), got 'cube'",
      ([IMAGE],), {"surface": "cube"}),
     (ValueError, "scale must be > 0, got 0", ([IMAGE],), {"scale": 0}),
+    (ValueError, "scale must be >= 1e-06 and finite, got 1e-320", ([IMAGE],), {"scale": 1e-320}),
     (ValueError, "bands must be in [0, 8], got 9", ([IMAGE],), {"bands": 9}),
     (TypeError, "crop must be True or False, got 'yes'", ([IMAGE],), {"crop": "yes"}),
     (ValueError, "max_pixels must be in [1, 536870912], got 0", ([IMAGE],), {"max_pixels": 0}),

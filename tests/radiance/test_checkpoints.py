@@ -164,6 +164,15 @@ def test_files_damaged(model, tmp_path):
         load_model(tmp_path / "model.npz")
 
 
+def test_headers_damaged(model, tmp_path):
+    """NumPy reads the header of an array as Python's tokens, of which the last is missing."""
+    file = tmp_path / "model.npz"
+    model.save(file)
+    file.write_bytes(file.read_bytes().replace(b"), }", b"), (", 1))
+    with pytest.raises(ValueError, match="path must be a whole model"):
+        load_model(file)
+
+
 @pytest.mark.parametrize(("at", "value"), [(8, 1), (10, 99)], ids=["encrypted", "packed"])
 def test_directories_damaged(model, tmp_path, at, value):
     """A bit of the archive's directory says what we never write."""
