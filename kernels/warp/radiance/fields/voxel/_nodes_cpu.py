@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance.training._structs import AdamRule, Learnt
 
 wp.set_module_options({"enable_backward": False})
@@ -26,10 +25,14 @@ class Kernels(NamedTuple):
 @cache
 def kernels(width: int) -> Kernels:
     """Return the kernels for rows of `width` colour coefficients."""
+    row = wp.types.vector(width, wp.float32)
+    size = wp.constant(width)
 
-    @_native.each("_nodes_cpu.h", WIDTH=width)
-    def adam_plane(
-        k: int,
+    @wp.kernel
+    def adam(
+        slab: int,
+        first: int,
+        last: int,
         side: int,
         rate_density: wp.array[float],  # (3,)
         rate_color: wp.array[float],  # (3,)
@@ -38,10 +41,37 @@ def kernels(width: int) -> Kernels:
         # outputs
         touched: wp.array[wp.uint8],  # (N^3,): set to 0
         density: Learnt,  # (N^3,)
-        color: Learnt,  # (N^3 C,)
-    ): ...
-
-    row = wp.types.vector(width, wp.float32)
+        gradients: wp.array[row],  # (N^3,), of colours, and so on
+        mean: wp.array[row],
+        square: wp.array[row],
+        weights: wp.array[row],
+    ):
+        """Take a step of Adam at the touched nodes of planes."""
+        # Both means of squares have the same age.
+        mend = 1.0 / rate_color[2]
+        of_density = rate_density[0] / rate_density[1]
+        of_color = rate_color[0] / rate_color[1]
+        for node in range(first * side * side, last * side * side):
+            if touched[node] != wp.uint8(0):
+                touched[node] = wp.uint8(0)
+                g = density.gradients[node] * factor[0]
+                m = rule.beta1 * density.mean[node] + (1.0 - rule.beta1) * g
+                v = rule.beta2 * density.square[node] + (1.0 - rule.beta2) * g * g
+                change = of_density * m / (wp.sqrt(v * mend) + rule.epsilon)
+                density.mean[node] = m
+                density.square[node] = v
+                density.weights[node] = density.weights[node] - change
+                density.gradients[node] = 0.0
+                gs = gradients[node] * factor[0]
+                ms = rule.beta1 * mean[node] + (1.0 - rule.beta1) * gs
+                vs = rule.beta2 * square[node] + (1.0 - rule.beta2) * wp.cw_mul(gs, gs)
+                roots = row()
+                for c in range(size):
+                    roots[c] = wp.sqrt(vs[c] * mend) + rule.epsilon
+                mean[node] = ms
+                square[node] = vs
+                weights[node] = weights[node] - of_color * wp.cw_div(ms, roots)
+                gradients[node] = row()
 
     @wp.kernel
     def variation(
@@ -78,4 +108,4 @@ def kernels(width: int) -> Kernels:
                 change = weight_color * (6.0 * color[node] - around)
                 d_color[node] = d_color[node] + change
 
-    return Kernels(row, adam_plane, variation)
+    return Kernels(row, adam, variation)

@@ -150,12 +150,15 @@ def adam(
     """
     side, width = touched.shape[0], color.weights.shape[3]
     rates = [rate_density, rate_color, factor, struct_of(AdamRule, rule)]
-    outputs = [_flat(touched), *(struct_of(Learnt, map(_flat, a)) for a in (density, color))]
+    outputs = [_flat(touched), struct_of(Learnt, map(_flat, density))]
     if touched.device.is_cuda:
         count = nodes.threads(touched.size)
-        launch(nodes.adam, count, [*rates, width], outputs, nodes.BLOCK)
+        colors = struct_of(Learnt, map(_flat, color))
+        launch(nodes.adam, count, [*rates, width], [*outputs, colors], nodes.BLOCK)
     else:
-        launch_slabs(planes.kernels(width).adam, side, _planes(side), [side, *rates], outputs)
+        kernels = planes.kernels(width)
+        rows = [view(a, kernels.row, (touched.size,)) for a in color]
+        launch_slabs(kernels.adam, side, _planes(side), [side, *rates], [*outputs, *rows])
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
