@@ -34,6 +34,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
         stereo = partial(photometric_stereo, images, lights, method=method)
         yield "photometric_stereo", stereo
     normals = np.full((6, 9, 3), [0.1, 0, 1])
+    yield "integrate_normals", partial(integrate_normals, normals)
     yield "integrate_normals", partial(integrate_normals, normals, method="bilateral")
     known = np.full((6, 9, 3), np.nan)
     known[0] = [0, 0, 1]

@@ -76,9 +76,10 @@ def integrate_normals(
 
     Notes
     -----
-    `poisson` solves ``z_b - z_a = (p_a + p_b) / 2`` for neighbours a and b with slopes p, by least
-    squares. `bilateral` has one equation on each side of a pixel, ``n_z (z_b - z_a) = n_x``. It
-    repeatedly gives the side that differs less a larger weight,
+    `poisson` solves ``z_b - z_a = (p_a + p_b) / 2`` for neighbours a and b by least squares. There
+    p is the slope less a twelfth of its second derivative, which makes the mean of two the rise
+    between them. `bilateral` has one equation on each side of a pixel, ``n_z (z_b - z_a) = n_x``.
+    It repeatedly gives the side that differs less a larger weight,
     ``1 / (1 + exp(-k (d_-^2 - d_+^2)))`` [1]_. The equations are solved in float64 by conjugate
     gradients, preconditioned by a multigrid cycle in float32.
 
@@ -118,10 +119,14 @@ def integrate_normals(
     kernels, cut = rt.shading.integration.equations, rt.scratch("relief.cut", (1,), np.int32)
     rt.clear(cut)
     kernels.slopes(rt.adopt(normals), given, FLATTEST, inside, slope, cut)
-    if method == "poisson" and not rt.to_numpy(cut)[0] and max(shape) <= MOST_SIDE:
-        result = rt.empty(shape)
-        solve_rectangle(rt, slope, rt.adopt(result))
-        return rt.release(result)
+    if method == "poisson":
+        adjusted = rt.scratch("relief.adjusted", (2, *shape))
+        kernels.adjust(inside, slope, adjusted)
+        slope = adjusted
+        if not rt.to_numpy(cut)[0] and max(shape) <= MOST_SIDE:
+            result = rt.empty(shape)
+            solve_rectangle(rt, slope, rt.adopt(result))
+            return rt.release(result)
     there = rt.to_numpy(inside) != 0
     if not there.any():
         raise ValueError("mask must not be 0 at all valid normals, got nothing to integrate")

@@ -47,7 +47,8 @@ def detect_laser_lines(
     method : {'steger', 'center_of_mass', 'peak'}, default 'steger'
         `steger` finds the ridge of the frame smoothed by a Gaussian: the most accurate method, also
         for slanted lines. `center_of_mass` takes the centroid of a window of 3 `sigma` to either
-        side, and suits saturated lines. `peak` fits a parabola through three values.
+        side, and suits saturated lines. `peak` fits a parabola through the brightest value and its
+        neighbours; several equal values, as of a saturated line, count as one in their middle.
     sigma : float, default 2.0
         Standard deviation of the line's profile, pixels, in [0.5, 32].
     threshold : float, optional

@@ -54,6 +54,14 @@ class LineWindows(NamedTuple):
     number: Any
 
 
+def most_peaks(shape: tuple[int, int], apart: tuple[int, int]) -> int:
+    """Return how many peaks of an accumulator of `shape` can be more than `apart` from one another.
+
+    A block of bins has one at most.
+    """
+    return -(-shape[0] // (apart[0] + 1)) * -(-shape[1] // (apart[1] + 1))
+
+
 class Rings(NamedTuple):
     """Circles of several radii: offsets (M, 2) and their direction codes, circle by circle.
 

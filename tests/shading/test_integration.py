@@ -8,7 +8,7 @@ from scipy.sparse.linalg import spsolve
 
 import cvkern
 from cvkern._runtime import runtime
-from cvkern.shading.rectangles import solve_by_kernels
+from cvkern.shading.rectangles import _on_host, solve_by_kernels
 
 F32, U8 = np.float32, np.uint8
 
@@ -42,10 +42,29 @@ def rms(found, right, mask):
     return np.sqrt(np.mean((off - off.mean()) ** 2))
 
 
-def equations(normals, mask):
+def without_curve(slopes, mask):
+    """Return slopes along rows less a twelfth of their second derivatives, run by run of a mask."""
+    result = slopes.copy()
+    for y, row in enumerate(mask):
+        ends = np.flatnonzero(np.diff(np.concatenate([[0], row, [0]])))
+        for begin, end in ends.reshape(-1, 2):
+            run = slopes[y, begin:end]
+            if end - begin > 2:
+                second = np.convolve(run, [1, -2, 1], "valid")
+                change = np.concatenate([second[:1], second, second[-1:]])
+                if end - begin > 4:
+                    change[2:-2] = np.convolve(run, [1, -3, 4, -3, 1], "valid")
+                result[y, begin:end] = run - change / 12
+    return result
+
+
+def equations(normals, mask, curved=True):
     """Return the matrix and the right side of the rises of all edges within a mask."""
     numbers = np.where(mask, np.cumsum(mask).reshape(mask.shape) - 1, -1)
-    slopes = normals[..., 0] / normals[..., 2], -normals[..., 1] / normals[..., 2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slopes = normals[..., 0] / normals[..., 2], -normals[..., 1] / normals[..., 2]
+    if curved:
+        slopes = without_curve(slopes[0], mask), without_curve(slopes[1].T, mask.T).T
     first, second, rises = [], [], []
     for slope, (a, b) in zip(
         slopes, ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])), strict=True
@@ -90,8 +109,8 @@ def test_against_a_direct_solver(backend, shape):
 @pytest.mark.parametrize(
     ("masked", "noise", "most"),
     [
-        (False, 0, 0.002), (False, 0.02, 0.021), (False, 0.05, 0.061),
-        (True, 0, 0.0025), (True, 0.02, 0.0225), (True, 0.05, 0.067),
+        (False, 0, 0.00002), (False, 0.02, 0.021), (False, 0.05, 0.061),
+        (True, 0, 0.00005), (True, 0.02, 0.0225), (True, 0.05, 0.068),
     ],
 )  # fmt: skip
 def test_noise(backend, masked, noise, most):
@@ -110,7 +129,7 @@ def test_noise(backend, masked, noise, most):
 def test_rectangles_by_kernels(backend, shape):
     """GPUs transform in float32: factors of 8, others, primes, odd sides and lines."""
     normals = np.random.default_rng(0).normal(size=(*shape, 3)) * [0.3, 0.3, 0] + [0, 0, 1]
-    matrix, rises = equations(normals, np.ones(shape, bool))
+    matrix, rises = equations(normals, np.ones(shape, bool), curved=False)
     square = (matrix.T @ matrix + 1e-9 * sparse.eye(normals[..., 0].size)).tocsc()
     right = np.asarray(spsolve(square, matrix.T @ rises)).reshape(shape)
     slope = np.stack([normals[..., 0], -normals[..., 1], normals[..., 2]]).astype(F32)
@@ -121,7 +140,7 @@ def test_rectangles_by_kernels(backend, shape):
     # the least eigenvalue of 64 pixels magnifies that by 400, and the inverse divides by the root.
     np.testing.assert_allclose(found, right - right.mean(), atol=400 * 0.3 * 4 * 6e-8)
     # On the CPU itself the transforms are SciPy's, in float64.
-    found = cvkern.integrate_normals(normals)
+    found = _on_host(slope)
     np.testing.assert_allclose(found, right - right.mean(), atol=1e-6)
 
 
@@ -161,7 +180,7 @@ def test_a_jump_is_kept(backend):
     # Where there is no jump, the two agree.
     depth, normals = peaks(64, 0.01)
     kept = cvkern.integrate_normals(normals, method="bilateral")
-    assert rms(kept, depth, everywhere) < 1.2 * rms(
+    assert rms(kept, depth, everywhere) < 1.3 * rms(
         cvkern.integrate_normals(normals), depth, everywhere
     )
 

@@ -184,7 +184,8 @@ def test_match_costs(kernels, shape, first):
 
 @pytest.mark.parametrize(("paths", "p2_max"), [(4, 80), (8, 80), (8, 300), (16, 80)])
 @pytest.mark.parametrize(
-    ("shape", "first"), [((1, 1, 1), 0), ((6, 40, 16), -5), ((5, 33, 45), 3), ((3, 9, 130), 0)]
+    ("shape", "first"),
+    [((1, 1, 1), 0), ((6, 40, 16), -5), ((5, 33, 45), 3), ((4, 70, 100), 2), ((3, 9, 130), 0)],
 )
 def test_match_is_its_steps_in_one(kernels, shape, first, paths, p2_max):
     rng = np.random.default_rng(2)
@@ -222,7 +223,7 @@ def rough(*shape, seed=0):
     return values.astype(F32)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (1, 65), (40, 1), (23, 61), (97, 131)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 65), (40, 1), (23, 61), (5, 128), (97, 131)])
 def test_refinement(kernels, shape):
     disparity, guide = rough(*shape), np.random.default_rng(1).integers(0, 256, shape, U8)
     out = [(shape, F32)]

@@ -17,15 +17,14 @@ from cvkern.hough.lines._tables import (
     reach,
     subpixel_points,
 )
-from cvkern.hough.lines.peaks import peak_bins
 from cvkern.hough.lines.votes import suggest_line_bins
-from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS, LineWindows
+from cvkern.kernels.codes.hough import DIRECTION_FACTOR, DIRECTIONS, LineWindows, most_peaks
 
 AIM = math.pi / 8  # radians: largest angle between a gradient and the normal of its line
 _AIM_OF_VOTES = math.radians(3)  # the same for votes, where more would cost time and add clutter
 _LOCALISATION = 0.25  # pixels: standard deviation of sub-pixel edges in photographs
 _LENGTH = 320  # pixels: lines up to this length fall into one bin; longer ones into several
-_APART = 3  # bins of rho and theta between the peaks of one round
+_APART = 3, 3  # bins of rho and theta between the peaks of one round
 FITS = 2  # fits of a line; each uses the points that are on the line of the previous fit
 _TUKEY = 4.685 / 0.6745  # farthest point that counts, in medians: 95 % efficient for normal errors
 _LEAST_SCALE = 0.1  # pixels: the farthest point that counts is at least this far away
@@ -57,13 +56,19 @@ def vote_listed(
     distances = reach(size, step)
     shape = (2 * distances + 1, len(theta))
     check_accumulator(shape, "votes")
-    votes = rt.scratch("detect.votes", shape, np.int32)
     angles = theta.tobytes()
     tables = kernel_tables(rt, line_tables(angles, step, size, parts=SUBPIXEL))
     windows = direction_windows(angles, _AIM_OF_VOTES)
     allowed = LineWindows(directions, *map(rt.constant, windows))
-    rt.hough.lines.votes.vote_directed(points, starts, allowed, tables, None, votes)
-    row, column = peak_bins(rt, votes, math.ceil(least) - 1, _APART, _APART, True)
+    keys = rt.scratch("detect.keys", (most_peaks(shape, _APART),), np.int64)
+    total = rt.scratch("detect.total", (1,), np.int32)
+    limit = math.ceil(least) - 1
+    rt.hough.lines.peaks.find_lines(
+        points, starts, allowed, tables, shape, limit, _APART, keys, total
+    )
+    number = int(rt.to_numpy(total)[0])
+    bins = np.sort(rt.to_numpy(keys[: max(number, 1)])[:number]) & 0xFFFFFFFF
+    row, column = np.divmod(bins, len(theta))
     return theta[column], step * (row - distances)
 
 

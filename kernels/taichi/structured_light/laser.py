@@ -2,9 +2,13 @@
 
 A line of light that crosses the columns has one position p in each. `find` takes the window of ``2
 half + 1`` pixels with the largest sum, the first of equal ones. The other functions refine its
-middle: `peaks` by a parabola through three values, `centroids` by the centre of mass above the
-darkest pixel of a window, `ridges` by the rule of C. Steger, "An unbiased detector of curvilinear
-structures", PAMI 1998.
+middle: `peaks` by a parabola, `centroids` by the centre of mass above the darkest pixel of a
+window, `ridges` by the rule of C. Steger, "An unbiased detector of curvilinear structures",
+PAMI 1998.
+
+The parabola passes through the brightest value and its two neighbours. A saturated line has several
+equal values; the parabola then passes through the values beside them, as if they were one pixel in
+their middle.
 
 Steger's rule takes the derivatives r of the Gaussian-smoothed frame at a pixel, and the eigenvector
 n of their Hessian with the least eigenvalue e. The ridge is where the first derivative along n
@@ -90,9 +94,13 @@ def _peaks(
         if p >= 0:
             a = _value(frames, n, p - 1, line, axis, size)
             b = _value(frames, n, p, line, axis, size)
-            c = _value(frames, n, p + 1, line, axis, size)
+            last = p
+            c = _value(frames, n, last + 1, line, axis, size)
+            while last < size - 1 and c == b:
+                last += 1
+                c = _value(frames, n, last + 1, line, axis, size)
             bend = (b - a) + (b - c)
-            position = ti.cast(p, ti.f32)
+            position = product(0.5, ti.cast(p + last, ti.f32), zero)
             if bend > 0.0:
                 position += product(0.5, quotient(c - a, bend, zero), zero)
             strength = b
@@ -104,7 +112,10 @@ def _peaks(
 def peaks(
     frames: np.ndarray, axis: int, places: np.ndarray, positions: np.ndarray, strengths: np.ndarray
 ) -> None:
-    """Refine places by a parabola; the strength is the value there. One thread a line."""
+    """Refine places, the first of equal values, by a parabola; the strength is the value there.
+
+    One thread computes one line.
+    """
     _peaks(frames, axis, places, 0, positions, strengths)
 
 

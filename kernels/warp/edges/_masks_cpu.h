@@ -130,29 +130,51 @@ void flood(int first, int last, int least, int start, int stop, wp::array_t<wp::
     unsigned char* kept = mask.data;
     wp::vec_t<2, int>* const bottom = stack.data + room;
     for (int i = first; i < last; ++i) {
-        unsigned long long eight = 0;
+        unsigned long long eight = 0, old;
         while (i + 8 <= last) {  // skip pixels without such a state
             __builtin_memcpy(&eight, state + i, 8);
             if (eight & (least == 2 ? 0x0202020202020202ull : 0x0303030303030303ull)) break;
             i += 8;
         }
-        if (i == last) break;
-        if (state[i] < least || kept[i]) continue;
+        if (i + 8 <= last) {  // skip those that are kept
+            __builtin_memcpy(&old, kept + i, 8);
+            eight = (eight >> 1 | (least == 1 ? eight : 0)) & ~old & 0x0101010101010101ull;
+            i += eight ? __builtin_ctzll(eight) / 8 : 7;
+            if (!eight) continue;
+        } else if (i == last || state[i] < least || kept[i]) {
+            continue;
+        }
         wp::vec_t<2, int>* top = bottom;
         kept[i] = 1;
         *top++ = wp::vec_t<2, int>(i, i % width);
         while (top > bottom) {
             const wp::vec_t<2, int> pixel = *--top;
-            const int x = pixel[1], left = x > 0 ? -1 : 0, right = x + 1 < width ? 1 : 0;
-            for (int row = pixel[0] - width; row <= pixel[0] + width; row += width) {
-                if (row - x < start || row - x >= stop) continue;
-                for (int dx = left; dx <= right; ++dx) {
-                    // Avoid a branch, which could not be predicted.
-                    const unsigned char next = (state[row + dx] != 0) & (kept[row + dx] == 0);
-                    kept[row + dx] |= next;
-                    *top = wp::vec_t<2, int>(row + dx, x + dx);
-                    top += next;
+            const int x = pixel[1], row = pixel[0] - x;
+            // Read four columns with the neighbours among them, and leave a bit per neighbour.
+            const int from = x < 1 ? 0 : x - 1 < width - 4 ? x - 1 : width < 4 ? 0 : width - 4;
+            unsigned beside = 0x070707u;
+            if (from != x - 1)
+                for (int k = beside = 0; k < 4; ++k)
+                    if (from + k >= x - 1 && from + k <= x + 1) beside |= 7u << 8 * k;
+            const auto fresh = [&](int at) __attribute__((always_inline)) {
+                unsigned some = 0, old = 0;
+                const int size = width < 4 ? width : 4;
+                if (at < start || at >= stop) return 0u;
+                if (size == 4) {
+                    __builtin_memcpy(&some, state + at + from, 4);
+                    __builtin_memcpy(&old, kept + at + from, 4);
+                } else {
+                    __builtin_memcpy(&some, state + at, size);
+                    __builtin_memcpy(&old, kept + at, size);
                 }
+                return (some | some >> 1) & ~old & 0x01010101u;
+            };
+            unsigned next = fresh(row - width) | fresh(row) << 1 | fresh(row + width) << 2;
+            for (next &= beside; next; next &= next - 1) {
+                const int bit = __builtin_ctz(next), column = from + bit / 8;
+                const int at = row + (bit % 8 - 1) * width + column;
+                kept[at] = 1;
+                *top++ = wp::vec_t<2, int>(at, column);
             }
         }
     }

@@ -1,4 +1,4 @@
-"""Sub-pixel edge points, in Warp: a thread a row (CPU), or a block of threads a row (CUDA).
+"""Sub-pixel edge points, in Warp: a thread takes rows (CPU), a block of threads a row (CUDA).
 
 Across a blurred straight step the gradient is a Gaussian, along both axes. Its logarithm is a
 parabola, and the edge is at the maximum of this parabola. With p and q the logarithms before and
@@ -8,50 +8,10 @@ two passes: the points of each row are counted, and then listed at the row's pla
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import BLOCK, launch
+from cvkern.kernels.warp._launch import BLOCK, launch, launch_slabs, scratch, slabs
 
+from . import _subpixel_cpu as cpu
 from . import _subpixel_cuda as cuda
-from ._parabolas import is_peak, locate, three_lengths
-
-wp.set_module_options({"enable_backward": False, "fuse_fp": False})
-
-
-@wp.kernel
-def _count_edges(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    mask: wp.array2d[wp.uint8],  # (H, W)
-    # outputs
-    counts: wp.array[int],  # (H,)
-):
-    y = wp.tid()
-    count = int(0)
-    for x in range(mask.shape[1]):
-        if mask[y, x] != wp.uint8(0):
-            if is_peak(three_lengths(dy, dx, y, x)):
-                count += 1
-    counts[y] = count
-
-
-@wp.kernel
-def _gather_edges(
-    dy: wp.array2d[float],  # (H, W)
-    dx: wp.array2d[float],  # (H, W)
-    mask: wp.array2d[wp.uint8],  # (H, W)
-    starts: wp.array[int],  # (H,)
-    # outputs
-    points: wp.array2d[float],  # (N, 2)
-    orientation: wp.array[float],  # (N,)
-    strength: wp.array[float],  # (N,)
-):
-    y = wp.tid()
-    i = starts[y]
-    for x in range(mask.shape[1]):
-        if mask[y, x] != wp.uint8(0):
-            m = three_lengths(dy, dx, y, x)
-            if is_peak(m):
-                locate(dy, dx, y, x, m, i, points, orientation, strength)
-                i += 1
 
 
 def count_edges(dy: wp.array, dx: wp.array, mask: wp.array, counts: wp.array) -> None:
@@ -60,7 +20,8 @@ def count_edges(dy: wp.array, dx: wp.array, mask: wp.array, counts: wp.array) ->
     if counts.device.is_cuda:
         launch(cuda.count_edges, rows * BLOCK, [dy, dx, mask], [counts])
         return
-    launch(_count_edges, rows, [dy, dx, mask], [counts])
+    count = slabs(rows, mask.size)
+    launch_slabs(cpu.count_edges, rows, count, [dy, dx, mask, *_lines(mask, count)], [counts])
 
 
 def gather_edges(
@@ -73,8 +34,17 @@ def gather_edges(
     strength: wp.array,
 ) -> None:
     """Locate the edge points of each row, and list them at its place in `starts`."""
-    rows, inputs, outputs = mask.shape[0], [dy, dx, mask, starts], [points, orientation, strength]
+    rows, outputs = mask.shape[0], [points, orientation, strength]
     if points.device.is_cuda:
-        launch(cuda.gather_edges, rows * BLOCK, inputs, outputs)
+        launch(cuda.gather_edges, rows * BLOCK, [dy, dx, mask, starts], outputs)
         return
-    launch(_gather_edges, rows, inputs, outputs)
+    count = slabs(rows, mask.size)
+    inputs = [dy, dx, mask, starts, *_lines(mask, count)]
+    launch_slabs(cpu.gather_edges, rows, count, inputs, outputs)
+
+
+def _lines(mask: wp.array, count: int) -> list[wp.array]:
+    """Return scratch lines for a flag and a column of each pixel of a row."""
+    shape = (count, mask.shape[1])
+    types = {"flags": wp.uint8, "columns": wp.int32}
+    return [scratch(f"subpixel.{name}", shape, t, mask.device) for name, t in types.items()]

@@ -20,6 +20,8 @@ void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int
     const int pitch = lines.shape[1];
     byte* const base = lines.data + (size_t)slab * 3 * pitch + N;
     const lanes least = (lanes){} + (byte)threshold;
+    // Parameters of 64 bytes allow the registers of 64 bytes in this function.
+    const auto either = [](lanes a, lanes b) __attribute__((always_inline)) { return a | b; };
     int* marks = words.data;
     for (int image = 0, before = 0; image < images.shape[0] && before < stop; ++image) {
         const wp::int64* const entry = images.data + 4 * image;
@@ -57,7 +59,7 @@ void mark_rows(int slab, int start, int stop, wp::array_t<wp::int64> images, int
                     lanes low = __builtin_elementwise_min(p[0], p[8]);
                     high = __builtin_elementwise_min(high, __builtin_elementwise_max(p[4], p[12]));
                     low = __builtin_elementwise_max(low, __builtin_elementwise_min(p[4], p[12]));
-                    const lanes may = (lanes)(high > above) | (lanes)(low < below);
+                    const lanes may = either((lanes)(high > above), (lanes)(low < below));
                     if (__builtin_reduce_or(may)) {
 #pragma unroll
                         for (int k = 0; k < 16; ++k)

@@ -37,6 +37,10 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
             for (int i = 0; i < SIDE; ++i) v[i] = made[i];
         }
     };
+    // A parameter of 64 bytes allows the registers of 64 bytes in this function.
+    const auto widened = [](many v) __attribute__((always_inline)) {
+        return __builtin_convertvector(v, many_sums);
+    };
     int* const marks = shared.data + 1;
     for (;;) {
         // The next group, its size, and where the weights of this size begin.
@@ -108,7 +112,7 @@ void make_sizes(wp::array_t<wp::int64> images, wp::array_t<int> starts,
                             if (w[s] == 0) continue;
                             many v;
                             __builtin_memcpy(&v, p, WIDE);
-                            sum += (unsigned short)w[s] * __builtin_convertvector(v, many_sums);
+                            sum += (unsigned short)w[s] * widened(v);
                         }
                         const many done = __builtin_convertvector(sum >> 7, many);
                         __builtin_memcpy(lines[r] + x, &done, WIDE);

@@ -7,15 +7,16 @@ CUDA a warp takes one of them (_robust_cuda.py).
 
 import warp as wp
 
-from cvkern.kernels.codes.geometry import GROUP, Draw, Given
+from cvkern.kernels.codes.geometry import GROUP, Draw, Given, Model
 from cvkern.kernels.warp._launch import launch, launch_each
 
 from . import _robust_choice as choice
 from . import _robust_cpu as cpu
 from . import _robust_cuda as cuda
 
-# Work of a hypothesis and of a match in a step, in the units by which slabs are cut.
-_HYPOTHESIS, _STEP = 256, 64
+# Work of a hypothesis, and of a match in all steps, in the units by which slabs are cut: of maps
+# and of other models. Hundreds of hypotheses of one map take less than waking another thread.
+_HYPOTHESIS, _STEPS = (64, 256), (16, 64)
 
 
 def propose(given: Given, pairs: wp.array, draw: Draw, models: wp.array, costs: wp.array) -> None:
@@ -31,7 +32,8 @@ def propose(given: Given, pairs: wp.array, draw: Draw, models: wp.array, costs: 
         launch(cuda.propose, cuda.threads(count), inputs, [models, costs], cuda.BLOCK)
     else:
         inputs, kernel = [*given, pairs, draw.seed, draw.first], cpu.kernels(draw.kind).propose
-        launch_each(kernel, count, count * GROUP * _HYPOTHESIS, inputs, [models, costs])
+        work = count * GROUP * _HYPOTHESIS[draw.kind >= Model.FUNDAMENTAL]
+        launch_each(kernel, count, work, inputs, [models, costs])
 
 
 def choose(models: wp.array, costs: wp.array, rows: wp.array, chosen: wp.array) -> None:
@@ -56,7 +58,8 @@ def refine(
     else:
         mean = given.matches.shape[1] // max(given.spans.shape[0], 1)
         inputs, kernel = [*given, pairs, schedule], cpu.kernels(kind).refine
-        launch_each(kernel, count, count * mean * _STEP, inputs, [models, scores])
+        work = count * mean * _STEPS[kind >= Model.FUNDAMENTAL]
+        launch_each(kernel, count, work, inputs, [models, scores])
 
 
 def mark(given: Given, kind: int, models: wp.array, inliers: wp.array) -> None:

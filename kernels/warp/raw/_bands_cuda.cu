@@ -22,17 +22,24 @@ void reduce_strips(int planes, wp::array_t<float> src, int each, wp::array_t<flo
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
         const float* from = src.data + (size_t)plane * height * width;
         float* to = dst.data + (size_t)plane * tall * wide;
-        const auto load = [&](int y) {
+        const auto read = [&](int y) {
+            return Strip::load(from + (size_t)Mirror::at(y, height) * width, 2 * column, width,
+                               aligned);
+        };
+        const auto settled = [&](const float4& given) {
             Four four;
-            Strip::load(from + (size_t)Mirror::at(y, height) * width, 2 * column, width, aligned,
-                        four.v);
+            Strip::settle(given, 2 * column, width, aligned, four.v);
             return four;
         };
-        Four a = load(2 * begin - 2), b = load(2 * begin - 1), c = load(2 * begin);
-        Four d = load(2 * begin + 1), e = load(2 * begin + 2);
+        const float4 first = read(2 * begin - 2), second = read(2 * begin - 1);
+        const float4 third = read(2 * begin);
+        float4 next = read(2 * begin + 1), after = read(2 * begin + 2);
+        Four a = settled(first), b = settled(second), c = settled(third);
 #pragma unroll 1
         for (int y = begin; y < end; ++y) {
-            const Four next = load(2 * y + 3), after = load(2 * y + 4);
+            const Four d = settled(next), e = settled(after);
+            next = read(2 * y + 3);
+            after = read(2 * y + 4);
             float v[4], out[2];
             for (int i = 0; i < 4; ++i)
                 v[i] = Pyramid::weigh(a.v[i], b.v[i], c.v[i], d.v[i], e.v[i]);
@@ -41,59 +48,54 @@ void reduce_strips(int planes, wp::array_t<float> src, int each, wp::array_t<flo
             a = c;
             b = d;
             c = e;
-            d = next;
-            e = after;
         }
     }
 }
 
-// A warp makes LONG rows of MANY planes at once.
-// needs PART, MANY, LONG
+// A warp makes `each` rows of MANY planes at once.
+// needs PART, MANY
 void begin_strips(wp::array_t<float> logs, float lowest, float step, float sigma, float slope,
-                  wp::array_t<float> dst) {
+                  int each, wp::array_t<float> dst) {
     struct Row {
         float v[MANY][4];
     };
     const int height = logs.shape[0], width = logs.shape[1], references = dst.shape[0] - 2;
     const int tall = dst.shape[1], wide = dst.shape[2];
     const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + LONG - 1) / LONG;
+    const int chunks = (tall + each - 1) / each;
     const int groups = references / MANY + 1;
     const bool aligned = width % 4 == 0 && ((size_t)logs.data & 15) == 0;
     const int lane = threadIdx.x % 32;
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < groups * chunks * strips;
          item += gridDim.x * blockDim.x / 32) {
-        const int group = item / strips / chunks, begin = item / strips % chunks * LONG;
+        const int group = item / strips / chunks, begin = item / strips % chunks * each;
         const int column = 2 * (item % strips * Strip::LANES + lane - 1);
-        const int end = begin + LONG < tall ? begin + LONG : tall;
+        const int end = begin + each < tall ? begin + each : tall;
         Row a, b, c, d, e;
         float v[4], out[2];
-        struct Four {
-            float v[4];
-        };
         const auto read = [&](int y) {
-            Four given;
             const float* row = logs.data + (size_t)Mirror::at(y, height) * width;
-            Strip::load(row, 2 * column, width, aligned, given.v);
-            return given;
+            return Strip::load(row, 2 * column, width, aligned);
         };
-        const auto remap = [&](const Four& given, Row& to) {
+        const auto remap = [&](const float4& read, Row& to) {
+            float given[4];
+            Strip::settle(read, 2 * column, width, aligned, given);
 #pragma unroll
             for (int k = 0; k < MANY; ++k) {
                 const int j = group * MANY + k;
                 const float about = lowest + (float)j * step;
                 if (j == references) {  // the image as it is
-                    for (int i = 0; i < 4; ++i) to.v[k][i] = given.v[i];
+                    for (int i = 0; i < 4; ++i) to.v[k][i] = given[i];
                     continue;
                 }
                 for (int i = 0; i < 4; ++i) {
-                    const float off = given.v[i] - about;
+                    const float off = given[i] - about;
                     const float near = fminf(fmaxf(off, -sigma), sigma);
                     to.v[k][i] = (about + near) + slope * (off - near);
                 }
             }
         };
-        Four one = read(2 * begin - 2), two = read(2 * begin - 1), three = read(2 * begin);
+        float4 one = read(2 * begin - 2), two = read(2 * begin - 1), three = read(2 * begin);
         remap(one, a);
         remap(two, b);
         remap(three, c);

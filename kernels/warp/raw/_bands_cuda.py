@@ -8,6 +8,7 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
+BLOCKS = 3  # blocks that a multiprocessor has at once
 LANES = 30  # lanes of a warp that write two columns each
 LONG = 8  # rows of a warp, at most
 LEAST = 2**12  # warps, about, from which on they have more rows than one
@@ -17,11 +18,18 @@ PART = 2  # columns of a thread: even
 REST = 2**12  # pixels of a level that one block makes with all smaller ones, at most
 MOST_LEVELS = 7  # levels of such a block, at most, and one that they are made from
 THREADS = 2**10  # threads of such a block
+FEWER = 2**9  # threads of one that adds bands up, so that each has 128 registers
 
 
 def rows_each(planes: int, rows: int, columns: int) -> int:
     """Return the rows of a warp, so that there are enough warps of small levels too."""
     return min(max(planes * rows * -(-columns // (2 * LANES)) // LEAST, 1), LONG)
+
+
+def rows_at_once(planes: int, rows: int, columns: int, blocks: int) -> int:
+    """Return the rows of a warp, so that all warps run at once in so many blocks."""
+    strips = -(-columns // (2 * LANES))
+    return -(-rows // max(blocks * BLOCK // 32 // (planes * strips), 1))
 
 
 def warps(planes: int, rows: int, columns: int, each: int) -> int:
@@ -35,7 +43,7 @@ def threads(count: int) -> int:
     return -(-min(count, MOST) // BLOCK) * BLOCK
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART)
 def reduce_strips(
     planes: int,
     src: wp.array3d[float],
@@ -46,15 +54,14 @@ def reduce_strips(
     """Forward to the native code."""
 
 
-@_native.kernel(
-    "_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), PART=PART, MANY=MANY, LONG=LONG
-)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART, MANY=MANY)
 def begin_strips(
     logs: wp.array2d[float],
     lowest: float,
     step: float,
     sigma: float,
     slope: float,
+    each: int,
     # outputs
     dst: wp.array3d[float],
 ):
@@ -78,7 +85,7 @@ def reduce_rest(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART)
 def collapse_four(
     fine: wp.array3d[float],
     coarse: wp.array3d[float],
@@ -94,7 +101,7 @@ def collapse_four(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(FEWER, 1), PART=PART)
 def collapse_rest(
     count: int,
     lowest: float,

@@ -43,16 +43,18 @@ void blend_rest(int count, wp::array_t<float> a, wp::array_t<float> b, wp::array
 // needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, WARPS
 void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights,
                  wp::array_t<float> coarse, int alone, wp::array_t<float> out) {
-    struct alignas(2 * sizeof(TYPE)) Two {
-        TYPE v[2];
-    };
+    // Values of a row of two pixels. Integers stay two in a word until they are used: to take them
+    // apart is to wait for them.
+    enum { EACH = INTEGRAL ? 2 : 1, WORDS = 2 * CHANNELS / EACH, BITS = 8 * sizeof(TYPE) % 32 };
     const int height = out.shape[0], width = out.shape[1], count = frames.shape[0];
     const int tall = coarse.shape[1], wide = coarse.shape[2];
     const size_t size = (size_t)height * width, small = (size_t)tall * wide;
     // Bytes become floats as the lower bits of 2^23: conversions are slow.
-    const auto value = [=](TYPE v) {
-        if (INTEGRAL) return (__uint_as_float(0x4b000000u | (unsigned)v) - 8388608.0f) * scale;
-        const float x = (float)v * scale;
+    const auto value = [=](const unsigned* words, int i) {
+        const unsigned word = words[i / EACH], high = 0x4b000000u;
+        const unsigned pick = sizeof(TYPE) == 1 ? 0x7440 + i % 2 : i % 2 ? 0x7432 : 0x7410;
+        if (INTEGRAL) return (__uint_as_float(__byte_perm(word, high, pick)) - 8388608.0f) * scale;
+        const float x = __uint_as_float(word) * scale;
         return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
     enum { CHUNKS = 16 * CHANNELS };
@@ -67,57 +69,66 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
         const int y = item / strips, begin = item % strips * 32;
         const int x = begin + lane < columns ? begin + lane : columns - 1;
         const Square square(y, x, height, width, tall, wide);
-        float total[CHANNELS][4], other[4] = {0.0f, 0.0f, 0.0f, 0.0f};
-#pragma unroll
-        for (int c = 0; c < CHANNELS; ++c) {
-            for (int i = 0; i < 4; ++i) total[c][i] = 0.0f;
-            if (!alone) square.expand(coarse.data + (count * (CHANNELS + 1) + c) * small, total[c]);
-        }
+        float total[CHANNELS][4] = {};
+        if (!alone)
+            square.expand(coarse.data + count * (CHANNELS + 1) * small, small, CHANNELS, total);
         for (int k = 0; k < count; ++k) {
             const TYPE* from = frames.data + k * size * CHANNELS;
             float weight[4];
             square.read(weights.data + k * size, weight);
-            TYPE own[2][2 * CHANNELS];
+            unsigned own[2][WORDS];
 #pragma unroll
             for (int r = 0; r < 2; ++r) {
                 const TYPE* row = from + (size_t)square.at[2 * r] * CHANNELS;
                 if (aligned) {
 #pragma unroll
-                    for (int i = 0; i < CHANNELS; ++i) {
-                        const Two two = ((const Two*)row)[i];
-                        own[r][2 * i] = two.v[0];
-                        own[r][2 * i + 1] = two.v[1];
-                    }
+                    for (int i = 0; i < WORDS; ++i)
+                        own[r][i] = !INTEGRAL           ? ((const unsigned*)row)[i]
+                                    : sizeof(TYPE) == 1 ? ((const unsigned short*)row)[i]
+                                                        : ((const unsigned*)row)[i];
                 } else {
                     const TYPE* next = from + (size_t)square.at[2 * r + 1] * CHANNELS;
 #pragma unroll
-                    for (int i = 0; i < CHANNELS; ++i) {
-                        own[r][i] = row[i];
-                        own[r][CHANNELS + i] = next[i];
+                    for (int i = 0; i < WORDS; ++i) own[r][i] = 0;
+#pragma unroll
+                    for (int i = 0; i < 2 * CHANNELS; ++i) {
+                        const TYPE v = i < CHANNELS ? row[i] : next[i - CHANNELS];
+                        own[r][i / EACH] |=
+                            INTEGRAL ? (unsigned)v << BITS * (i % EACH) : __float_as_uint((float)v);
                     }
                 }
             }
+            float other[CHANNELS][4] = {};
+            if (!alone)
+                square.expand(coarse.data + k * (CHANNELS + 1) * small, small, CHANNELS, other);
 #pragma unroll
-            for (int c = 0; c < CHANNELS; ++c) {
-                if (!alone) square.expand(coarse.data + (k * (CHANNELS + 1) + c) * small, other);
+            for (int c = 0; c < CHANNELS; ++c)
                 for (int i = 0; i < 4; ++i)
-                    total[c][i] += weight[i] * (value(own[i / 2][i % 2 * CHANNELS + c]) - other[i]);
-            }
+                    total[c][i] +=
+                        weight[i] * (value(own[i / 2], i % 2 * CHANNELS + c) - other[c][i]);
         }
 #pragma unroll
         for (int r = 0; r < 2; ++r) {
             if (r && !square.lower) continue;
             float found[2 * CHANNELS];
+            bool far = false;
 #pragma unroll
             for (int i = 0; i < 2; ++i)
 #pragma unroll
                 for (int c = 0; c < CHANNELS; ++c) {
-                    // Values near 0 and 1 and beyond are bent, so that no two of them become equal.
-                    const float f = total[c][2 * r + i], above = 1.0f - f;
+                    const float f = found[i * CHANNELS + c] = total[c][2 * r + i];
+                    far = far || STEEP * (f < 1.0f - f ? f : 1.0f - f) - 1.0f < 0.0f;
+                }
+            // Values near 0 and 1 and beyond are bent, so that no two of them become equal.
+            if (far) {
+#pragma unroll
+                for (int i = 0; i < 2 * CHANNELS; ++i) {
+                    const float f = found[i], above = 1.0f - f;
                     const float power = STEEP * (f < above ? f : above) - 1.0f;
                     const float bent = 1.0f / STEEP * Powers::exp2(1.44269504f * power);
-                    found[i * CHANNELS + c] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
+                    found[i] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
                 }
+            }
             if (whole) {
                 float2* to = (float2*)(chunks + r * CHUNKS) + CHANNELS * lane;
 #pragma unroll

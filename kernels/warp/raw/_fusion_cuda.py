@@ -8,9 +8,10 @@ import warp as wp
 from cvkern.kernels.codes import raw as codes
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import BLOCK
-from cvkern.kernels.warp.raw._bands_cuda import OPTIONS, PART, THREADS
+from cvkern.kernels.warp.raw._bands_cuda import FEWER, OPTIONS, PART
 from cvkern.kernels.warp.raw._types import constants
 
+QUICK_BLOCKS = 2  # blocks of `quick` that a multiprocessor has at once
 KEPT = 4  # exposures whose weights stay in shared memory until all are known: 32 KiB
 
 
@@ -65,7 +66,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, QUICK_BLOCKS), **own)
     def byte_strips(
         frames: wp.array4d[scalar],
         scale: float,
@@ -85,7 +86,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), **own)
+    @_native.kernel("_fusion_cuda.cu", OPTIONS, launch_bounds=(FEWER, 1), **own)
     def blend_rest(
         count: int,
         # outputs

@@ -12,38 +12,49 @@ struct Bands {
         const size_t plane = (size_t)height * width, small = (size_t)tall * wide;
         const Square square(item / wide, item % wide, height, width, tall, wide);
         const float scale = 1.0f / step;
-        float total[4], place[4], other[4], own[4], least = (float)references, most = 0.0f;
-        square.expand(coarse + below * small, total);
+        float place[4], own[4], least = (float)references, most = 0.0f;
+        Square::Values total[1];
+        square.expand(coarse + below * small, 0, 1, total);
         square.read(fine + (single ? 0 : references) * plane, own);
         for (int i = 0; i < 4; ++i) {
-            total[i] = share * total[i];
+            total[0][i] = share * total[0][i];
             place[i] = (own[i] - lowest) * scale;
             least = fminf(least, place[i]);
             most = fmaxf(most, place[i]);
         }
         // References further off have no weight.
         const int last = most + 1.0f < (float)references ? (int)most + 1 : references - 1;
-        for (int j = least > 0.0f ? (int)least : 0; j <= last; ++j) {
-            float weight[4], any = 0.0f;
-            for (int i = 0; i < 4; ++i) {
-                const float off = place[i] - (float)j;
-                weight[i] = fmaxf(1.0f - fabsf(off), 0.0f);
-                any = fmaxf(any, weight[i]);
+        // Two references are read before the first of them is used. Mostly these are all.
+        for (int j = least > 0.0f ? (int)least : 0; j <= last; j += 2) {
+            const int beside = j < last ? 1 : 0;
+            Square::Values other[2], values[2];
+            if (!single) {
+#pragma unroll
+                for (int n = 0; n < 2; ++n) square.read(fine + (j + n * beside) * plane, values[n]);
             }
-            if (!(any > 0.0f)) continue;
-            const float about = lowest + (float)j * step;
-            if (!single) square.read(fine + j * plane, own);
-            square.expand(coarse + j * small, other);
-            for (int i = 0; i < 4; ++i) {
-                float value = own[i];
-                if (single) {
-                    const float off = value - about;
-                    const float near = fminf(fmaxf(off, -sigma), sigma);
-                    value = (about + near) + slope * (off - near);
+            square.expand(coarse + j * small, beside * small, 2, other);
+#pragma unroll
+            for (int n = 0; n < 2; ++n) {
+                if (n > beside) continue;
+                float weight[4], any = 0.0f;
+                for (int i = 0; i < 4; ++i) {
+                    const float off = place[i] - (float)(j + n);
+                    weight[i] = fmaxf(1.0f - fabsf(off), 0.0f);
+                    any = fmaxf(any, weight[i]);
                 }
-                total[i] += weight[i] * (value - other[i]);
+                if (!(any > 0.0f)) continue;
+                const float about = lowest + (float)(j + n) * step;
+                for (int i = 0; i < 4; ++i) {
+                    float value = values[n][i];
+                    if (single) {
+                        const float off = own[i] - about;
+                        const float near = fminf(fmaxf(off, -sigma), sigma);
+                        value = (about + near) + slope * (off - near);
+                    }
+                    total[0][i] += weight[i] * (value - other[n][i]);
+                }
             }
         }
-        square.write(total, to);
+        square.write(total[0], to);
     }
 };

@@ -7,20 +7,25 @@
 struct Strip {
     enum { LANES = 30, WIDE = 2 * LANES };  // columns are those of the smaller level
 
-    // Four values of a row from column `first` on. Beyond the borders only those are right that
-    // `across` uses: two before the row and one after it.
-    static CUDA_CALLABLE void load(const float* row, int first, int width, bool aligned,
-                                   float* out) {
+    // Four values of a row from column `first` on, as they are read: to choose among them is to wait
+    // for them.
+    static CUDA_CALLABLE float4 load(const float* row, int first, int width, bool aligned) {
         if (aligned) {
             const int at = first < 0 ? 0 : first + 4 > width ? width - 4 : first;
-            const float4 four = *(const float4*)(row + at);
-            out[0] = first < width ? four.x : four.z;
-            out[1] = four.y;
-            out[2] = four.z;
-            out[3] = first < 0 ? four.y : four.w;
-        } else {
-            for (int i = 0; i < 4; ++i) out[i] = row[Mirror::at(first + i, width)];
+            return *(const float4*)(row + at);
         }
+        return make_float4(row[Mirror::at(first, width)], row[Mirror::at(first + 1, width)],
+                           row[Mirror::at(first + 2, width)], row[Mirror::at(first + 3, width)]);
+    }
+
+    // The same in order. Beyond the borders only those are right that `across` uses: two before the
+    // row and one after it.
+    static CUDA_CALLABLE void settle(const float4& four, int first, int width, bool aligned,
+                                     float* out) {
+        out[0] = aligned && first >= width ? four.z : four.x;
+        out[1] = four.y;
+        out[2] = four.z;
+        out[3] = aligned && first < 0 ? four.y : four.w;
     }
 
     // The two values of the smaller level, from the weighed columns of all lanes.
@@ -47,14 +52,26 @@ struct Strip {
 // Two by two values of a level: their places, and those of the values of the smaller level, `wide` in
 // a row, that they are made of.
 struct Square {
-    int rows[3], columns[3];  // rows as places of their first value
+    typedef float Values[4];
+    int rows[3], columns[3];  // rows as places of the first of three values side by side
     int at[4];                // places beyond the border are the first one's, and are not written
     bool right, lower, whole;
+    bool narrow;       // whether the smaller level has fewer columns than three
+    bool first, last;  // whether the square is at the left border, or at the right one
+    bool odd;          // whether the level has an odd number of columns
 
     CUDA_CALLABLE Square(int y, int x, int height, int width, int tall, int wide) {
         for (int k = 0; k < 3; ++k) {
             rows[k] = (k == 1 ? y : Pyramid::place(y + k - 1, tall, height)) * wide;
             columns[k] = k == 1 ? x : Pyramid::place(x + k - 1, wide, width);
+        }
+        narrow = wide < 3;
+        first = x == 0;
+        last = x == wide - 1;
+        odd = width & 1;
+        if (!narrow) {
+            const int left = first ? 0 : last ? wide - 3 : x - 1;
+            for (int k = 0; k < 3; ++k) rows[k] += left;
         }
         right = 2 * x + 1 < width;
         lower = 2 * y + 1 < height;
@@ -63,6 +80,14 @@ struct Square {
         at[1] = right ? at[0] + 1 : at[0];
         at[2] = lower ? at[0] + width : at[0];
         at[3] = right && lower ? at[2] + 1 : at[0];
+    }
+
+    // At a border, the three columns that there are in place of those around x.
+    CUDA_CALLABLE void arrange(float* v) const {
+        const float a = v[0], b = v[1], c = v[2];
+        v[0] = b;
+        v[1] = first ? a : c;
+        v[2] = first || odd ? b : c;
     }
 
     // The four values of a plane of the level itself, row by row.
@@ -91,18 +116,43 @@ struct Square {
         }
     }
 
-    // The four values of a plane of the smaller level, enlarged.
-    CUDA_CALLABLE void expand(const float* from, float* out) const {
-        float even[3], odd[3];
-        for (int k = 0; k < 3; ++k) {
-            const float* p = from + columns[k];
-            const float here = p[rows[1]], after = p[rows[2]];
-            even[k] = Pyramid::even(p[rows[0]], here, after);
-            odd[k] = 0.5f * (here + after);
+    // The four values of planes of the smaller level, at most four and `step` values apart, enlarged.
+    CUDA_CALLABLE void expand(const float* from, size_t step, int count, Values* out) const {
+        float even[4][3], half[4][3];
+        if (!narrow) {
+            // Three values side by side need one address.
+#pragma unroll
+            for (int c = 0; c < 4 && c < count; ++c) {
+                const float *before = from + c * step + rows[0], *here = from + c * step + rows[1];
+                const float* after = from + c * step + rows[2];
+#pragma unroll
+                for (int k = 0; k < 3; ++k) {
+                    const float own = here[k], next = after[k];
+                    even[c][k] = Pyramid::even(before[k], own, next);
+                    half[c][k] = 0.5f * (own + next);
+                }
+            }
+            if (first || last) {
+#pragma unroll
+                for (int c = 0; c < 4 && c < count; ++c) arrange(even[c]), arrange(half[c]);
+            }
+        } else {
+#pragma unroll
+            for (int c = 0; c < 4 && c < count; ++c)
+#pragma unroll
+                for (int k = 0; k < 3; ++k) {
+                    const float* p = from + c * step + columns[k];
+                    const float own = p[rows[1]], next = p[rows[2]];
+                    even[c][k] = Pyramid::even(p[rows[0]], own, next);
+                    half[c][k] = 0.5f * (own + next);
+                }
         }
-        out[0] = Pyramid::even(even[0], even[1], even[2]);
-        out[1] = 0.5f * (even[1] + even[2]);
-        out[2] = Pyramid::even(odd[0], odd[1], odd[2]);
-        out[3] = 0.5f * (odd[1] + odd[2]);
+#pragma unroll
+        for (int c = 0; c < 4 && c < count; ++c) {
+            out[c][0] = Pyramid::even(even[c][0], even[c][1], even[c][2]);
+            out[c][1] = 0.5f * (even[c][1] + even[c][2]);
+            out[c][2] = Pyramid::even(half[c][0], half[c][1], half[c][2]);
+            out[c][3] = 0.5f * (half[c][1] + half[c][2]);
+        }
     }
 };

@@ -59,16 +59,25 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
             const TYPE* frame = frames.data + k * size * CHANNELS;
             SUM grey[ROWS + 2][6];
             Pixels pixels[ROWS + 2];
+            if (QUICK && aligned) {
+                // Words of bytes, with a word before and one after. All rows are read before the
+                // first of them is used, so that they are waited for once.
+                const bool before = begin == 0, beyond = begin + 4 == width;
+                unsigned words[ROWS + 2][5];
 #pragma unroll
-            for (int r = 0; r < ROWS + 2; ++r) {
-                const TYPE* row =
-                    frame + (size_t)Mirror::at(top - 1 + r, height) * width * CHANNELS;
-                if (QUICK && aligned) {
-                    // Sums of three of the bytes of words; a word before and one after is read.
-                    const unsigned* words = (const unsigned*)(row + begin * CHANNELS);
-                    const unsigned a = words[0], b = words[1], c = words[2];
-                    const bool before = begin == 0, beyond = begin + 4 == width;
-                    const unsigned p = words[before ? 0 : -1], n = words[beyond ? 2 : 3];
+                for (int r = 0; r < ROWS + 2; ++r) {
+                    const TYPE* row =
+                        frame + (size_t)Mirror::at(top - 1 + r, height) * width * CHANNELS;
+                    const unsigned* from = (const unsigned*)(row + begin * CHANNELS);
+                    words[r][0] = from[before ? 0 : -1];
+#pragma unroll
+                    for (int i = 0; i < 3; ++i) words[r][i + 1] = from[i];
+                    words[r][4] = from[beyond ? 2 : 3];
+                }
+#pragma unroll
+                for (int r = 0; r < ROWS + 2; ++r) {
+                    // Sums of three of the bytes of words.
+                    const unsigned a = words[r][1], b = words[r][2], c = words[r][3];
                     unsigned* to = (unsigned*)pixels[r].v;
                     to[0] = a;
                     to[1] = b;
@@ -77,21 +86,27 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
                     grey[r][2] = (SUM)__dp4a(b, 0x00000101u, a >> 24);
                     grey[r][3] = (SUM)__dp4a(b, 0x01010000u, c & 255u);
                     grey[r][4] = (SUM)__dp4a(c, 0x01010100u, 0u);
-                    grey[r][0] = before ? grey[r][2] : (SUM)__dp4a(p, 0x01010100u, 0u);
-                    grey[r][5] = beyond ? grey[r][3] : (SUM)__dp4a(n, 0x00010101u, 0u);
-                    continue;
+                    grey[r][0] = before ? grey[r][2] : (SUM)__dp4a(words[r][0], 0x01010100u, 0u);
+                    grey[r][5] = beyond ? grey[r][3] : (SUM)__dp4a(words[r][4], 0x00010101u, 0u);
                 }
-                if (aligned) {
-                    pixels[r] = *(const Pixels*)(row + begin * CHANNELS);
-                } else {
+            } else {
+#pragma unroll
+                for (int r = 0; r < ROWS + 2; ++r) {
+                    const TYPE* row =
+                        frame + (size_t)Mirror::at(top - 1 + r, height) * width * CHANNELS;
+                    if (aligned) {
+                        pixels[r] = *(const Pixels*)(row + begin * CHANNELS);
+                    } else {
+                        for (int i = 0; i < 4; ++i)
+                            for (int c = 0; c < CHANNELS; ++c)
+                                pixels[r].v[i * CHANNELS + c] =
+                                    row[Mirror::at(begin + i, width) * CHANNELS + c];
+                    }
+                    grey[r][0] = own_sum(row + Mirror::at(begin - 1, width) * CHANNELS);
                     for (int i = 0; i < 4; ++i)
-                        for (int c = 0; c < CHANNELS; ++c)
-                            pixels[r].v[i * CHANNELS + c] =
-                                row[Mirror::at(begin + i, width) * CHANNELS + c];
+                        grey[r][i + 1] = own_sum(pixels[r].v + i * CHANNELS);
+                    grey[r][5] = own_sum(row + Mirror::at(begin + 4, width) * CHANNELS);
                 }
-                grey[r][0] = own_sum(row + Mirror::at(begin - 1, width) * CHANNELS);
-                for (int i = 0; i < 4; ++i) grey[r][i + 1] = own_sum(pixels[r].v + i * CHANNELS);
-                grey[r][5] = own_sum(row + Mirror::at(begin + 4, width) * CHANNELS);
             }
 #pragma unroll
             for (int r = 0; r < ROWS; ++r) {
@@ -324,7 +339,9 @@ void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weig
                         to.pixels.v[i * CHANNELS + n] =
                             row[Mirror::at(2 * column + i, width) * CHANNELS + n];
             }
-            Strip::load(weights.data + start, 2 * column, width, width % 4 == 0, to.weights);
+            const bool whole = width % 4 == 0;
+            Strip::settle(Strip::load(weights.data + start, 2 * column, width, whole), 2 * column,
+                          width, whole, to.weights);
         };
         load(2 * begin - 2, a);
         load(2 * begin - 1, b);

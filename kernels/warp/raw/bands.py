@@ -18,8 +18,10 @@ def begin(
     inputs = [logs, lowest, step, sigma, slope]
     if dst.device.is_cuda:
         groups = (planes - 2) // cuda.MANY + 1
-        threads = cuda.warps(groups, rows, columns, cuda.LONG)
-        launch(cuda.begin_strips, threads, inputs, [dst])
+        blocks = cuda.BLOCKS * dst.device.sm_count
+        each = cuda.rows_at_once(groups, rows, columns, blocks)
+        threads = cuda.warps(groups, rows, columns, each)
+        launch(cuda.begin_strips, threads, [*inputs, each], [dst])
         return
     _begin.launch(rows, columns, 20 * planes * rows * columns, inputs, [dst])
 
@@ -66,7 +68,7 @@ def collapse(
         if len(small) > 1:
             outputs = cuda.filled(small, cuda.MOST_LEVELS + 1)
             inputs = [len(small), lowest, step, slope]
-            launch(cuda.collapse_rest, cuda.THREADS, inputs, outputs, cuda.THREADS)
+            launch(cuda.collapse_rest, cuda.FEWER, inputs, outputs, cuda.FEWER)
             inner = inner[: 1 - len(small)]
             below, share = below + 1, 1.0
     for coarse, fine in pairwise([*inner[::-1], levels[0]]):

@@ -9,7 +9,7 @@ import warp as wp
 from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp._spans import Spans, spans
 from cvkern.kernels.warp.raw import _bands_cuda as cuda
-from cvkern.kernels.warp.raw._fusion_cuda import kernels, names
+from cvkern.kernels.warp.raw._fusion_cuda import QUICK_BLOCKS, kernels, names
 
 
 def weigh(
@@ -48,6 +48,9 @@ def begin(frames: wp.array, scale: float, weights: wp.array, dst: wp.array) -> N
         quick = frames.dtype is wp.uint8 and frames.shape[2] % 4 == 0 and frames.ptr % 4 == 0
         begin = made.quick if quick else made.begin
         each = cuda.rows_each(count, rows, columns)
+        if quick:
+            blocks = QUICK_BLOCKS * dst.device.sm_count
+            each = cuda.rows_at_once(count, rows, columns, blocks)
         launch(begin, cuda.warps(count, rows, columns, each), [*inputs, each], [dst])
         return
     kernel = _begin(frames.dtype, frames.shape[3])
@@ -66,7 +69,7 @@ def blend(levels: Sequence[wp.array], channels: int) -> None:
         if own < len(levels):
             outputs = cuda.filled(levels[own:], cuda.MOST_LEVELS)
             inputs = [len(levels) - own]
-            launch(made.rest, channels * cuda.THREADS, inputs, outputs, cuda.THREADS)
+            launch(made.rest, channels * cuda.FEWER, inputs, outputs, cuda.FEWER)
     for n in reversed(range(own)):
         alone = n + 1 == len(levels)
         fine, inputs = levels[n], [levels[n if alone else n + 1], int(alone)]

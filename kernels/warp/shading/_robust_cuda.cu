@@ -55,6 +55,7 @@ void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t
 void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::array_t<float> lights,
                 wp::array_t<float> windows, int method, int sweeps, wp::array_t<float> normals,
                 wp::array_t<float> albedo, wp::array_t<float> residual) {
+    enum { AHEAD = 4 };
     __shared__ float kept[KEPT];
     __shared__ unsigned char order[KEPT];
     __shared__ float4 lamps[MOST];
@@ -101,32 +102,57 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
             const float scale = spread > 0.0 ? (float)(1.0 / spread) : 0.0f;
             float xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
             float bx = 0.0f, by = 0.0f, bz = 0.0f, squares = 0.0f, weights = 0.0f;
-#pragma unroll 4
-            for (int k = low; k < high; ++k) {
-                const float4 light = lamps[image[k * threads]];
-                const float shown = light.x * x + light.y * y + light.z * z;
-                const float off = own[k * threads] - shown;
-                float weight = 1.0f;
-                const float ratio = fabsf(off) * scale;
-                if (method == CONSENSUS && sweep > 0 && scale > 0.0f) {
-                    weight = shown > 0.0f ? __fdividef(1.0f, 1.0f + ratio * ratio) : 0.0f;
-                    weight += (float)FLOOR;
-                } else if (method == L1 && sweep > 0 && scale > 0.0f) {
-                    weight = __fdividef(1.0f, fmaxf(ratio, 1e-3f));
+            // AHEAD values and their lights are read before the first of them is weighed, so that
+            // they are waited for once. Those beyond the window weigh nothing.
+            const auto gather = [&](const auto& weigh) {
+#pragma unroll 1
+                for (int first = low; first < high; first += AHEAD) {
+                    float values[AHEAD];
+                    float4 light[AHEAD];
+                    int at[AHEAD];
+#pragma unroll
+                    for (int n = 0; n < AHEAD; ++n) {
+                        const int k = min(first + n, high - 1) * threads;
+                        at[n] = image[k];
+                        values[n] = own[k];
+                    }
+#pragma unroll
+                    for (int n = 0; n < AHEAD; ++n) light[n] = lamps[at[n]];
+#pragma unroll
+                    for (int n = 0; n < AHEAD; ++n) {
+                        const float lx = light[n].x, ly = light[n].y, lz = light[n].z;
+                        const float shown = lx * x + ly * y + lz * z;
+                        const float off = values[n] - shown;
+                        const float own_weight = weigh(shown, off);
+                        const float weight = first + n < high ? own_weight : 0.0f;
+                        const float wx = weight * lx, wy = weight * ly, wz = weight * lz;
+                        xx += wx * lx;
+                        xy += wx * ly;
+                        xz += wx * lz;
+                        yy += wy * ly;
+                        yz += wy * lz;
+                        zz += wz * lz;
+                        bx += wx * off;
+                        by += wy * off;
+                        bz += wz * off;
+                        squares += weight * off * off;
+                        weights += weight;
+                    }
                 }
-                const float wx = weight * light.x, wy = weight * light.y, wz = weight * light.z;
-                xx += wx * light.x;
-                xy += wx * light.y;
-                xz += wx * light.z;
-                yy += wy * light.y;
-                yz += wy * light.z;
-                zz += wz * light.z;
-                bx += wx * off;
-                by += wy * off;
-                bz += wz * off;
-                squares += weight * off * off;
-                weights += weight;
-            }
+            };
+            const bool weighs = sweep > 0 && scale > 0.0f;
+            if (weighs && method == CONSENSUS)
+                gather([=](float shown, float off) {
+                    const float ratio = fabsf(off) * scale;
+                    const float near = __fdividef(1.0f, 1.0f + ratio * ratio);
+                    return (shown > 0.0f ? near : 0.0f) + (float)FLOOR;
+                });
+            else if (weighs && method == L1)
+                gather([=](float shown, float off) {
+                    return __fdividef(1.0f, fmaxf(fabsf(off) * scale, 1e-3f));
+                });
+            else
+                gather([](float shown, float off) { return 1.0f; });
             // The inverse of the matrix and the ridge, by cofactors.
             const double ridge = RIDGE * ((double)xx + yy + zz);
             const double a = xx + ridge, b = xy, c = xz, d = yy + ridge, e = yz, f = zz + ridge;
@@ -165,16 +191,17 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
     const double length = sqrt(mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2]);
     const bool told = found && length > 0.0;
     const float none = __int_as_float(0x7fc00000);
-    for (int n = 0; n < 3; ++n)
-        normals.data[3 * here + n] = told ? (float)(mean[n] / length) : none;
-    albedo.data[here] = told ? (float)(strength / total) : 0.0f;
+    const float shown[3] = {(float)(mean[0] / length), (float)(mean[1] / length),
+                            (float)(mean[2] / length)};
+    const float bright = told ? (float)(strength / total) : 0.0f;
+    for (int n = 0; n < 3; ++n) normals.data[3 * here + n] = told ? shown[n] : none;
+    albedo.data[here] = bright;
     float squares = 0.0f;
-    for (int k = 0; told && k < number; ++k) {
+#pragma unroll 4
+    for (int k = 0; k < (told ? number : 0); ++k) {
         const float4 light = lamps[image[k * threads]];
-        const float shown = albedo.data[here] * (light.x * normals.data[3 * here] +
-                                                 light.y * normals.data[3 * here + 1] +
-                                                 light.z * normals.data[3 * here + 2]);
-        const float off = (own[k * threads] - fmaxf(shown, 0.0f)) / light.w;
+        const float model = bright * (light.x * shown[0] + light.y * shown[1] + light.z * shown[2]);
+        const float off = __fdividef(own[k * threads] - fmaxf(model, 0.0f), light.w);
         squares += off * off;
     }
     residual.data[here] = told ? sqrtf(squares / (float)number) : 0.0f;

@@ -1,11 +1,9 @@
 """Matching by windows on the CPU: winners among the sums of costs/_sums_cpu.h, row by row.
 
-The sums of a row are transposed in tiles, so that a vector holds 64 successive pixels when their
-winners are picked, by the rule of _winner.h. The code is native, because both steps need vectors of
-16-bit numbers and shuffles. One thread per slab of rows.
+The winners are those of _turned_cpu.h, 64 pixels at once. The code is native, because it needs
+vectors of 16-bit numbers and shuffles. One thread per slab of rows.
 """
 
-from collections.abc import Iterable
 from functools import lru_cache
 from typing import Any
 
@@ -14,7 +12,8 @@ import warp as wp
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import scratch
 
-from ._winner import CURVES, WinnerArrays, WinnerRule
+from . import _turned_cpu as turned
+from ._winner import WinnerArrays, WinnerRule
 from .costs._windows_cpu import (
     LANES_OF,
     OPTIONS,
@@ -23,8 +22,6 @@ from .costs._windows_cpu import (
     padded,
     slab_scratch,
 )
-
-_TILE = 32  # pixels and disparities that are transposed at a time
 
 
 @wp.struct
@@ -44,34 +41,16 @@ def work_of(left: wp.array, slabs: int, count: int, cost: int, windows: Windows)
     # Use an odd number of cache lines, or all disparities of a pixel would share a few of them.
     lanes = LANES_OF[wp.uint16]
     line = (-(-left.shape[1] // lanes) + 2) * lanes
-    work.line = line = line + _TILE * (line // _TILE % 2 == 0)
-    size = _TILE * lanes + padded(count, wp.uint16) * line
+    work.line = line = line + turned.TILE * (line // turned.TILE % 2 == 0)
+    size = turned.TILE * lanes + padded(count, wp.uint16) * line
     work.turned = scratch("window.turned", (slabs, size), wp.uint16, left.device)
     return work
-
-
-def _by_turns(begins: Iterable[int], size: int, step: int) -> str:
-    """Return the interleaved places of two vectors, `step` of each at a time.
-
-    They are the `size` places that begin at each of `begins`.
-    """
-    pieces = (range(i, i + step) for begin in begins for i in range(begin, begin + size, step))
-    return ", ".join(str(i + other) for piece in pieces for other in (0, _TILE) for i in piece)
 
 
 @lru_cache
 def match_windows(cost: int, pixel: Any) -> wp.Kernel:
     """Return the kernel that matches windows of images of this type, uint8 or uint64."""
-    needs = {
-        **constants(cost, pixel, wp.uint16),
-        **CURVES,
-        "WIDE": wp.int32,
-        "TILE": _TILE,
-        "LOW_HALVES": _by_turns(range(0, _TILE, 8), 4, 1),
-        "HIGH_HALVES": _by_turns(range(4, _TILE, 8), 4, 1),
-        "FIRST_BLOCKS": _by_turns([0], _TILE // 2, 8),
-        "LAST_BLOCKS": _by_turns([_TILE // 2], _TILE // 2, 8),
-    }
+    needs = {**constants(cost, pixel, wp.uint16), **turned.CONSTANTS}
 
     @_native.kernel("_windows_cpu.h", OPTIONS, **needs)
     def match_windows(

@@ -42,7 +42,7 @@ def find(frames: wp.array, axis: int, half: int, places: wp.array) -> None:
 def peaks(
     frames: wp.array, axis: int, places: wp.array, positions: wp.array, strengths: wp.array
 ) -> None:
-    """Refine places by a parabola; the strength is the value there."""
+    """Refine places, the first of equal values, by a parabola; the strength is the value there."""
     kernel = _kernels(frames.dtype).peaks
     launch_each(kernel, places.size, places.size, [frames, axis, places], [positions, strengths])
 
@@ -215,9 +215,13 @@ class _Kernels:
                 if p >= 0:
                     a = value(frames, n, p - 1, line, axis, size)
                     b = value(frames, n, p, line, axis, size)
-                    c = value(frames, n, p + 1, line, axis, size)
+                    last = p
+                    c = value(frames, n, last + 1, line, axis, size)
+                    while last < size - 1 and c == b:
+                        last += 1
+                        c = value(frames, n, last + 1, line, axis, size)
                     bend = (b - a) + (b - c)
-                    position = float(p)
+                    position = 0.5 * float(p + last)
                     if bend > 0.0:
                         position += 0.5 * ((c - a) / bend)
                     strength = b

@@ -23,7 +23,7 @@ OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FEW = (1, 3, 4)  # channels that have kernels of their own
 TALL, PART = wp.constant(32), wp.constant(128)  # rows and columns of a tile, on the CPU
 # Columns and rows of a thread, warps of a block, and blocks at once, on CUDA.
-COLUMNS, ROWS, WARPS, BLOCKS = wp.constant(2), wp.constant(4), wp.constant(4), 8
+COLUMNS, ROWS, WARPS, BLOCKS = wp.constant(4), wp.constant(4), wp.constant(4), 6
 
 
 def warp_perspective(

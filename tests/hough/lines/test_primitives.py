@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cvkern.hough.lines._tables import direction_windows, line_tables
-from cvkern.kernels.codes.hough import DIRECTIONS, LineWindows
+from cvkern.hough.lines._tables import direction_windows, line_tables, reach
+from cvkern.kernels.codes.hough import DIRECTIONS, LineWindows, most_peaks
 from tests.hough.lines import reference_lines as lines_reference
 from tests.primitives import F32, I32, U8, noise
 
@@ -101,6 +101,32 @@ def test_local_maxima(kernels, dtype, wraps, sizes, shape, most):
     )
     want = lines_reference.local_maxima(values, 6, sizes[0], sizes[1], wraps)
     np.testing.assert_array_equal(got, want)
+
+
+@pytest.mark.parametrize(
+    ("angles", "step", "apart"), [(1, 1.0, (1, 1)), (7, 1.0, (2, 3)), (719, 0.1, (3, 3))]
+)
+def test_lines_with_many_votes(kernels, angles, step, apart):
+    """Some lines are near half a turn, where rho changes its sign; the last are several slabs."""
+    mask, points, counted, _, _ = line_votes(1)
+    theta = np.linspace(-np.pi / 2, np.pi / 2, angles, endpoint=False)
+    tables = line_tables(theta.tobytes(), step, mask.shape, 1)
+    points[:200, 0] -= points[:200, 0] % 20  # five rows, and so peaks
+    turned = np.random.default_rng(5).uniform(-4, 4, len(points)).astype(F32)
+    turned[:200] = np.pi / 2 + 0.1 * turned[:200]
+    windows = direction_windows(theta.tobytes(), 0.2)
+    shape = 2 * reach(mask.shape, step) + 1, angles
+    capacity = most_peaks(shape, apart)
+    keys, total = kernels(
+        "hough.lines.peaks.find_lines", points, counted, LineWindows(turned, *windows), tables,
+        shape, 3, apart, out=[((capacity,), np.int64), ((1,), I32)],
+    )  # fmt: skip
+    codes, ones = lines_reference.half_turn_codes(turned), np.ones(len(points), I32)
+    votes = lines_reference.vote(points[:300], tables, windows, codes, ones, shape[0], angles)
+    found = np.flatnonzero(lines_reference.local_maxima(votes, 3, apart[0], apart[1], True))
+    want = (2**31 - 1 - votes.ravel()[found].astype(np.int64) << 32) + found
+    assert 2 < len(want) < capacity
+    np.testing.assert_array_equal(np.sort(keys[: total[0]]), np.sort(want))
 
 
 @pytest.mark.parametrize("number", [1, 64, 333])

@@ -6,6 +6,12 @@ edges of ``w_a (z_b - z_a - s_a)^2 + w_b (z_b - z_a - s_b)^2``, where normals gi
 Bilateral ones are ``n_z^2`` times the share of a side, ``1 / (1 + exp(-k (d_-^2 - d_+^2)))`` for
 the side after a pixel, where ``d = n_z`` times the difference to either neighbour [Cao 2022].
 
+The mean of two slopes is not the rise between them where the slope itself curves. `adjust` takes
+that out: from five slopes in a row it makes ``(8 s_0 + 3 (s_-1 + s_1) - (s_-2 + s_2)) / 12``. The
+mean of two such values is the rise of a surface of degree 4, and contains no more noise than that
+of two slopes. Of fewer slopes it makes ``s - s'' / 12``, at an end with the ``s''`` of the
+neighbour.
+
 An edge has the weight ``w = w_a + w_b`` and pulls with ``w (z_b - z_a) - (w_a s_a + w_b s_b)``;
 equations are solved where the pulls on each pixel add up to 0.
 """
@@ -62,6 +68,51 @@ def slopes(
     `cut` (1,) becomes 1 if there is a pixel outside, and stays as it is otherwise.
     """
     _slopes(normals, mask, flattest, inside, slope, cut)
+
+
+@ti.func
+def _there(inside: ti.template(), y: ti.i32, x: ti.i32) -> bool:
+    found = False
+    if 0 <= y < inside.shape[0] and 0 <= x < inside.shape[1]:
+        found = inside[y, x] != 0
+    return found
+
+
+@ti.func
+def _bend(slope: ti.template(), axis: ti.i32, y: ti.i32, x: ti.i32, k: ti.i32) -> ti.f32:
+    """Return the second difference of slopes k pixels apart."""
+    own = slope[axis, y, x]
+    before = slope[axis, y - axis * k, x - (1 - axis) * k]
+    after = slope[axis, y + axis * k, x + (1 - axis) * k]
+    return (before - own) + (after - own)
+
+
+@ti.kernel
+def _adjust(inside: u8_2, slope: f32_3, adjusted: f32_3):
+    for y, x in inside:
+        for axis in ti.static(range(2)):
+            v, u = axis, 1 - axis
+            here = inside[y, x] != 0
+            before = here and _there(inside, y - v, x - u)
+            after = here and _there(inside, y + v, x + u)
+            more_before = before and _there(inside, y - 2 * v, x - 2 * u)
+            more_after = after and _there(inside, y + 2 * v, x + 2 * u)
+            curve = 0.0
+            if more_before and more_after:
+                curve = _bend(slope, axis, y, x, 2) - 3.0 * _bend(slope, axis, y, x, 1)
+            elif before and after:
+                curve = _bend(slope, axis, y, x, 1)
+            elif more_before:
+                curve = _bend(slope, axis, y - v, x - u, 1)
+            elif more_after:
+                curve = _bend(slope, axis, y + v, x + u, 1)
+            adjusted[axis, y, x] = slope[axis, y, x] - curve / 12.0
+
+
+@primitive
+def adjust(inside: np.ndarray, slope: np.ndarray, adjusted: np.ndarray) -> None:
+    """Write slopes such that the mean of two neighbours is the rise between them."""
+    _adjust(inside, slope, adjusted)
 
 
 @ti.func

@@ -132,7 +132,16 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
     float *const rows = kept[3], *const columns = kept[4];
     const auto vote = [&]() __attribute__((noinline)) {
         __attribute__((aligned(64))) int places[CHUNK], parts[8][CHUNK];
-#pragma clang loop vectorize(assume_safety)
+        // Parameters of 64 bytes allow the registers of 64 bytes in this function.
+        const auto low = [](lanes a, lanes b) __attribute__((always_inline)) {
+            return __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7,
+                                           23);
+        };
+        const auto high = [](lanes a, lanes b) __attribute__((always_inline)) {
+            return __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14,
+                                           30, 15, 31);
+        };
+#pragma clang loop vectorize(assume_safety) vectorize_width(16)
         for (int k = 0; k < CHUNK; ++k) {
             const float dx = across[k], dy = downward[k], r = rows[k], c = columns[k];
             float length = __builtin_sqrtf(dx * dx + dy * dy);
@@ -170,11 +179,8 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
                 lanes turned[8];
 #pragma unroll
                 for (int i = 0; i < 4; ++i) {
-                    const lanes a = lines[i], b = lines[i + 4];
-                    turned[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20,
-                                                            5, 21, 6, 22, 7, 23);
-                    turned[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27,
-                                                                12, 28, 13, 29, 14, 30, 15, 31);
+                    turned[2 * i] = low(lines[i], lines[i + 4]);
+                    turned[2 * i + 1] = high(lines[i], lines[i + 4]);
                 }
 #pragma unroll
                 for (int i = 0; i < 8; ++i) lines[i] = turned[i];
@@ -185,6 +191,15 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
             for (int k = 0; k < N; ++k) sums[k % 2][places[begin + k]] += given[k];
         }
     };
+    typedef float pixels __attribute__((vector_size(4 * N)));
+    const lanes numbers = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    const auto load = [](const float* from) {
+        pixels v;
+        __builtin_memcpy(&v, from, sizeof v);
+        return v;
+    };
+    const auto store = [](float* to, pixels v)
+                           __attribute__((always_inline)) { __builtin_memcpy(to, &v, sizeof v); };
     int count = 0;
     for (int y = cy - radius < 1 ? 1 : cy - radius; y <= cy + radius && y < height - 1; ++y) {
         const float i = (float)(y - cy), down = gain[y - cy + radius];
@@ -211,16 +226,13 @@ void describe_one(int k, wp::array_t<wp::int64> octaves, wp::array_t<int> window
         // What was collected beyond `right` is written over.
         for (int begin = left; begin <= right; begin += N) {
             __builtin_prefetch(p + begin + 4 * (size_t)width);
-#pragma clang loop vectorize(assume_safety)
-            for (int k = 0; k < N; ++k) {
-                const int x = begin + k;
-                const float j = (float)(x - cx);
-                across[count + k] = p[x + 1] - p[x - 1];
-                downward[count + k] = p[x + width] - p[x - width];
-                weights[count + k] = down * along[x];
-                rows[count + k] = (row0 - j * sine) + 1.5f;
-                columns[count + k] = (column0 + j * cosine) + 1.5f;
-            }
+            const pixels j = __builtin_convertvector(numbers + (begin - cx), pixels);
+            const float* const q = p + begin;
+            store(across + count, load(q + 1) - load(q - 1));
+            store(downward + count, load(q + width) - load(q - width));
+            store(weights + count, down * load(along + begin));
+            store(rows + count, (row0 - j * sine) + 1.5f);
+            store(columns + count, (column0 + j * cosine) + 1.5f);
             count += right - begin + 1 < N ? right - begin + 1 : N;
             if (count < CHUNK) continue;
             vote();

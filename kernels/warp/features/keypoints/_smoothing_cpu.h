@@ -5,8 +5,12 @@
 void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::array_t<float> taps,
                  int margin, wp::array_t<float> lines, wp::array_t<float> dst) {
 #pragma clang fp contract(off)
+#if defined(__AVX512F__)
+    enum { N = 16, TALL = 2, LONG = 4 };
+#else
     // Loads that are not aligned are quicker in halves of a line of the cache.
     enum { N = 8, TALL = 2, LONG = 8 };
+#endif
     typedef float lanes __attribute__((vector_size(N * sizeof(float))));
     const int height = src.shape[0], width = src.shape[1], reach = taps.shape[0] / 2;
     const float* const tap = taps.data + reach;  // tap[t] for elements t away
@@ -17,6 +21,8 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
         __builtin_memcpy(&v, p, sizeof v);
         return v;
     };
+    // A parameter of this size allows registers of it in this function.
+    const auto add = [](lanes a, lanes b) __attribute__((always_inline)) { return a + b; };
     const auto mirrored = [](int i, int size) {
         if (size == 1) return 0;
         const int period = 2 * (size - 1), k = (i % period + period) % period;
@@ -45,8 +51,8 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
 #pragma unroll
                     for (int b = 0; b < TALL; ++b) {
                         const lanes u = load(up + N * b), d = load(down + N * b);
-                        one[b] += w * (u + below[b]);
-                        other[b] += w * (above[b] + d);
+                        one[b] = add(one[b], w * (u + below[b]));
+                        other[b] = add(other[b], w * (above[b] + d));
                         above[b] = u, below[b] = d;
                     }
                 }
@@ -90,7 +96,7 @@ void smooth_rows(int slab, int first, int last, wp::array_t<float> src, wp::arra
                         const float *left = p - t, *right = p + t;
 #pragma unroll
                         for (int b = 0; b < LONG; ++b)
-                            sums[b] += w * (load(left + N * b) + load(right + N * b));
+                            sums[b] = add(sums[b], w * (load(left + N * b) + load(right + N * b)));
                     }
 #pragma unroll
                     for (int b = 0; b < LONG; ++b)

@@ -1,6 +1,7 @@
-"""Points along lines, cut into runs at gaps, on every device; one thread per point or run on CUDA.
+"""Points along lines, cut into runs at gaps, by one thread per point or run on CUDA.
 
-On the CPU, _runs_cpu.py has in one what the kernels from `place` to `mark` do one after the other.
+On the CPU, _runs_cpu.py has in one what several kernels do here one after the other; only `prepare`
+and `hold` run there too.
 Positions along a line are float64 without fused multiply-adds, so they have the same bits on every
 device.
 """

@@ -1,4 +1,4 @@
-// needs QUARTER LAST FARTHEST PLACES
+// needs QUARTER LAST FARTHEST PLACES DIGIT
 // Sort points by line, side of the line and place along it; then cut them at gaps, and list the
 // runs that are long and dense. Digits of the places are sorted one after the other, the lines
 // last. Points on no line come at the end, in their order.
@@ -10,28 +10,33 @@ void cut(int slab, int first, int last, wp::array_t<float> points, wp::array_t<i
     const double *cosine = lines.data, *sine = cosine + count;
     const double max_gap = limits[0], least = limits[1], density = limits[2];
     double* along = sorting.along.data;
-    int *group = sorting.groups.data, *steps = group + number;
-    int *one = sorting.order.data, *two = one + number;
-    int on_lines = 0, off = 0;
-    for (int i = 0; i < number; ++i) {
-        const int label = labels.data[i];
+    int *group = sorting.groups.data, *order = sorting.order.data, *off = order + number;
+    // A pair is a place along the line and a point.
+    typedef unsigned long long Pair;
+    Pair *from = (Pair*)sorting.pairs.data, *to = from + number;
+    int on_lines = 0, others = 0;
+    for (int i = 0; i < number; ++i) {  // avoid a branch, which could not be predicted
+        const bool on = labels.data[i] < count;
         chosen.data[i] = 0;
-        if (label >= count) {
-            two[off++] = i;
-            continue;
-        }
+        order[on_lines] = off[others] = i;
+        on_lines += on;
+        others += !on;
+    }
+    unsigned nearest = ~0u, farthest = 0;
+    for (int j = 0; j < on_lines; ++j) {
+        const int i = order[j], label = labels.data[i];
         const double y = points.data[2 * i], x = points.data[2 * i + 1];
         const double at = y * cosine[label] - x * sine[label];
         // A gradient is along the normal, or against it.
         const int turn = (codes.data[i] - normals.data[label] + QUARTER) & LAST;
         group[i] = 2 * label + (turn < 2 * QUARTER);
         along[i] = at;
-        steps[i] = (int)(unsigned int)__builtin_floor((at + FARTHEST) * PLACES + 0.5);
-        one[on_lines++] = i;
+        const unsigned step = __builtin_floor((at + FARTHEST) * PLACES + 0.5);
+        nearest = step < nearest ? step : nearest;
+        farthest = step > farthest ? step : farthest;
+        from[j] = (Pair)step << 32 | i;
     }
-    // The second half of `order` is free again when these are at their place.
-    for (int i = 0; i < off; ++i) one[on_lines + i] = two[i];
-    const auto sort = [&](const int* from, int* to, int size, const auto& digit) {
+    const auto sort = [&](int size, const auto& digit, const auto& put) {
         int* begin = sorting.counts.data;
         for (int k = 0; k < size; ++k) begin[k] = 0;
         for (int j = 0; j < on_lines; ++j) ++begin[digit(from[j])];
@@ -40,25 +45,34 @@ void cut(int slab, int first, int last, wp::array_t<float> points, wp::array_t<i
             begin[k] = before;
             before += here;
         }
-        for (int j = 0; j < on_lines; ++j) to[begin[digit(from[j])]++] = from[j];
+        for (int j = 0; j < on_lines; ++j) put(begin[digit(from[j])]++, from[j]);
     };
-    sort(one, two, 2048, [&](int i) { return steps[i] & 2047; });
-    sort(two, one, 2048, [&](int i) { return (steps[i] >> 11) & 2047; });
-    sort(one, two, 1024, [&](int i) { return (int)((unsigned int)steps[i] >> 22); });
-    sort(two, one, 2 * count, [&](int i) { return group[i]; });
+    for (int shift = 0; shift < 32 && (farthest - nearest) >> shift; shift += DIGIT) {
+        sort(
+            1 << DIGIT,
+            [&](Pair p) { return ((unsigned)(p >> 32) - nearest) >> shift & ((1 << DIGIT) - 1); },
+            [&](int place, Pair p) { to[place] = p; });
+        Pair* const sorted = to;
+        to = from;
+        from = sorted;
+    }
+    sort(
+        2 * count, [&](Pair p) { return group[(int)p]; },
+        [&](int place, Pair p) { order[place] = (int)p; });
+    for (int i = 0; i < others; ++i) order[on_lines + i] = off[i];
     int kept = 0;
     for (int begin = 0, end; begin < on_lines; begin = end) {
-        const int of = group[one[begin]];
-        const double start = along[one[begin]];
+        const int of = group[order[begin]];
+        const double start = along[order[begin]];
         double stop = start;
-        for (end = begin + 1; end < on_lines && group[one[end]] == of; ++end) {
-            const double next = along[one[end]];
+        for (end = begin + 1; end < on_lines && group[order[end]] == of; ++end) {
+            const double next = along[order[end]];
             if (next - stop > max_gap) break;
             stop = next;
         }
         const double length = stop - start;
         if (!(length >= least && (double)(end - begin) >= density * length)) continue;
-        for (int j = begin; j < end; ++j) chosen.data[one[j]] = 1;
+        for (int j = begin; j < end; ++j) chosen.data[order[j]] = 1;
         sorting.runs.data[2 * kept] = begin;
         sorting.runs.data[2 * kept + 1] = end - begin;
         ++kept;

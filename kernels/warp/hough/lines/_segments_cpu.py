@@ -13,9 +13,9 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 SIDE = 64  # pixels: smallest side of a tile
 MOST_TILES = 40  # tiles along the longer side of an image
-LANES = 32  # lines at a time
-SECTORS = 4  # parts of half a turn; a point needs only the lines that are listed for its own
-COLUMNS = 5  # values of a listed line: cosine, sine, rho, direction, number
+LINES = 32  # lines at a time
+POINTS = 256  # points at a time
+SECTORS = 8  # parts of half a turn; a point needs only the lines that are listed for its own
 
 
 @wp.struct
@@ -23,25 +23,34 @@ class Tiles:
     """The points by tiles, which are squares in raster order, and room for lists of lines."""
 
     order: wp.array[int]  # (N,): points, tile by tile
-    starts: wp.array[int]  # where the points of a tile begin in `order`
+    starts: wp.array[int]  # where the points of each sector of a tile begin in `order`
     frame: wp.array[int]  # (3,): side, tiles in a row, number of tiles
-    near: wp.array3d[float]  # (slabs, SECTORS, COLUMNS K, rounded up)
+    places: wp.array[int]  # (N,): tile and sector of each point
+    near: wp.array3d[int]  # (slabs, SECTORS, K)
 
 
-@_native.kernel("_segments_cpu.h", MOST_TILES=MOST_TILES, SIDE=SIDE)
+@_native.kernel(
+    "_segments_cpu.h", MOST_TILES=MOST_TILES, SIDE=SIDE, SECTORS=SECTORS, HALF_TURN=DIRECTIONS // 2
+)
 def sort_points(
     slab: int,
     first: int,
     last: int,
     points: wp.array2d[float],  # (N, 2)
+    codes: wp.array[int],  # (N,)
+    after: wp.array[int],  # (N,)
+    lines: wp.array2d[float],  # (3, K): cosine, sine, rho
+    directions: wp.array[int],  # (K,)
+    distance: float,
+    tolerance: int,
     tiles: Tiles,
     # outputs
-    places: wp.array[int],  # (N,): the tile of each point
+    labels: wp.array[int],  # (N,)
 ): ...
 
 
 @_native.kernel(
-    "_segments_cpu.h", LANES=LANES, SECTORS=SECTORS, COLUMNS=COLUMNS, HALF_TURN=DIRECTIONS // 2
+    "_segments_cpu.h", LINES=LINES, POINTS=POINTS, SECTORS=SECTORS, HALF_TURN=DIRECTIONS // 2
 )
 def claim(
     slab: int,

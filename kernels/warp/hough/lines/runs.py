@@ -3,7 +3,7 @@
 import warp as wp
 
 from cvkern.kernels.codes.hough import DENSITY, PARTIAL
-from cvkern.kernels.warp._launch import current_stream, launch_each, launch_slabs, scratch
+from cvkern.kernels.warp._launch import current_stream, launch, launch_each, launch_slabs, scratch
 from cvkern.kernels.warp._sums import scan
 
 from . import _runs as each
@@ -40,8 +40,9 @@ def cut(
     if not device.is_cuda:
         sorting = cpu.Sorting()
         sorting.order, sorting.runs, sorting.along = order, runs, along
-        sorting.groups = scratch("runs.groups", (2 * number,), wp.int32, device)
-        sorting.counts = scratch("runs.counts", (max(cpu.DIGITS, none),), wp.int32, device)
+        sorting.groups = scratch("runs.groups", (number,), wp.int32, device)
+        sorting.pairs = scratch("runs.pairs", (2 * number,), wp.uint64, device)
+        sorting.counts = scratch("runs.counts", (max(1 << cpu.DIGIT, none),), wp.int32, device)
         given = [points, codes, labels, lines, normals, wp.vec3d(max_gap, least, DENSITY), sorting]
         launch_slabs(cpu.cut, 1, 1, given, [chosen, total])
         return
@@ -69,9 +70,12 @@ def add_up(
     Before these sums, `sums` (S, 8) has row, column and direction of the first point.
     """
     number = sums.shape[0]
+    inputs = [points, directions, order, runs]
+    if not sums.device.is_cuda:
+        launch_each(cpu.add_up, number, points.size, inputs, [sums])
+        return
     partial = scratch("runs.partial", (number, PARTIAL, each.SUMS), wp.float64, sums.device)
     launch_each(each.add_up, number * PARTIAL, points.size, [points, order, runs], [partial])
-    inputs = [points, directions, order, runs]
     launch_each(each.finish, number * each.SUMS, partial.size, inputs, [partial, sums])
 
 
@@ -80,8 +84,11 @@ def reach(
 ) -> None:
     """Find the least and the largest place of each run along its line."""
     number = ends.shape[0]
-    partial = scratch("runs.partial", (number, PARTIAL, 2), wp.float64, ends.device)
     inputs = [points, order, runs, lines]
+    if not ends.device.is_cuda:
+        launch_each(cpu.reach, number, points.size, inputs, [ends])
+        return
+    partial = scratch("runs.partial", (number, PARTIAL, 2), wp.float64, ends.device)
     launch_each(each.reach, number * PARTIAL, points.size, inputs, [partial])
     launch_each(each.join, number, partial.size, [partial], [ends])
 
@@ -100,10 +107,13 @@ def keep(
     total: wp.array,
 ) -> None:
     """List the points that are in no run, in their order."""
+    outputs = [left_points, left_directions, total]
+    if not chosen.device.is_cuda:
+        launch(cpu.keep, 1, [points, directions, chosen], outputs)
+        return
     places = scratch("runs.places", (chosen.shape[0],), wp.int32, chosen.device)
     _launch(each.count_left, points, [chosen], [places])
     scan(places)
-    outputs = [left_points, left_directions, total]
     _launch(each.keep, points, [points, directions, places], outputs)
 
 

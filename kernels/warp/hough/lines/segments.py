@@ -35,16 +35,17 @@ def claim(
         launch(cuda.find_near, tiles * BLOCK, [lines, distance, extent], [near, counts])
         launch(cuda.claim, number, [*inputs, extent, near, counts], [labels])
         return
-    device, room = points.device, -(-lines.shape[1] // cpu.LANES) * cpu.LANES
+    device = points.device
     # Slabs are shares of the points; smaller ones balance the threads.
-    count = slabs(number, number * lines.shape[1])
-    count = min(4 * count, number) if count > 1 else 1
+    count = slabs(number, number * lines.shape[1] // 16)  # 16 points at a time
+    count = min(2 * count, number) if count > 1 else 1
     tiles = cpu.Tiles()
     tiles.order = scratch("claim.order", (number,), wp.int32, device)
-    tiles.starts = scratch("claim.starts", ((cpu.MOST_TILES + 1) ** 2 + 1,), wp.int32, device)
+    room = (cpu.MOST_TILES + 1) ** 2 * cpu.SECTORS + 2
+    tiles.starts = scratch("claim.starts", (room,), wp.int32, device)
     tiles.frame = scratch("claim.frame", (3,), wp.int32, device)
-    lists = count, cpu.SECTORS, cpu.COLUMNS * room
-    tiles.near = scratch("claim.near", lists, wp.float32, device)
-    places = scratch("claim.places", (number,), wp.int32, device)
-    launch_slabs(cpu.sort_points, 1, 1, [points, tiles], [places])
+    tiles.places = scratch("claim.places", (number,), wp.int32, device)
+    lists = count, cpu.SECTORS, lines.shape[1]
+    tiles.near = scratch("claim.near", lists, wp.int32, device)
+    launch_slabs(cpu.sort_points, 1, 1, [*inputs, tiles], [labels])
     launch_slabs(cpu.claim, number, count, [*inputs, tiles], [labels])

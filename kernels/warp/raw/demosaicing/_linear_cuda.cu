@@ -38,42 +38,67 @@ void interpolate_block(wp::array_t<TYPE> raw, wp::array_t<TYPE> colours) {
     enum { CHUNKS = 32 * sizeof(Colours) / 16 };
     __shared__ uint4 shared[WARPS][ROWS * CHUNKS];
     const int height = raw.shape[0], width = raw.shape[1], lane = threadIdx.x % 32;
-    const int strips = (width + 32 * PART - 1) / (32 * PART);
-    const int items = (height + ROWS - 1) / ROWS * strips;
+    const unsigned strips = (width + 32 * PART - 1) / (32 * PART);
+    const unsigned items = (height + ROWS - 1) / ROWS * strips;
     const bool aligned = (((size_t)raw.data | (size_t)colours.data) & 15) == 0 && width % PART == 0;
     const bool whole = aligned && width * 3 * sizeof(TYPE) % 16 == 0;
     uint4* chunks = shared[threadIdx.x / 32];
-    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < items;
+    for (unsigned item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < items;
          item += gridDim.x * blockDim.x / 32) {
         const int top = item / strips * ROWS, left = item % strips * 32 * PART;
         const int begin = left + lane * PART;
-        const bool inner = aligned && begin >= 2 && begin + PART + 2 <= width;
         float near[ROWS + 4][PART + 4];
-        const auto read = [&](int k) {
-            const TYPE* from = raw.data + (size_t)Mirror::at(top + k - 2, height) * width;
-            if (inner) {
-                const Pair before = *(const Pair*)(from + begin - 2);
-                const Samples middle = *(const Samples*)(from + begin);
-                const Pair after = *(const Pair*)(from + begin + PART);
+        if (aligned) {
+            // All rows are read before the first of them is used, so that they are waited for once.
+            // A lane beyond the row reads its end, and writes nothing.
+            Samples middle[ROWS + 4];
+            Pair before[ROWS + 4], after[ROWS + 4];
+            const int at = begin < width ? begin : width - PART;
+            const bool first = at == 0, last = at + PART == width;
+            const int west = first ? 0 : at - 2, east = last ? at : at + PART;
+            const bool inner = top >= 2 && top + ROWS + 2 <= height;
+#pragma unroll
+            for (int k = 0; k < ROWS + 4; ++k) {
+                const int row = top + k - 2;
+                const TYPE* from =
+                    raw.data + (size_t)(inner ? row : Mirror::at(row, height)) * width;
+                middle[k] = *(const Samples*)(from + at);
+                before[k] = *(const Pair*)(from + west);
+                after[k] = *(const Pair*)(from + east);
+            }
+#pragma unroll
+            for (int k = 0; k < ROWS + 4; ++k) {
 #pragma unroll
                 for (int i = 0; i < 2; ++i) {
-                    near[k][i] = real(before.v[i]);
-                    near[k][PART + 2 + i] = real(after.v[i]);
+                    near[k][i] = real(before[k].v[i]);
+                    near[k][PART + 2 + i] = real(after[k].v[i]);
                 }
 #pragma unroll
-                for (int i = 0; i < PART; ++i) near[k][i + 2] = real(middle.v[i]);
-            } else {
-#pragma unroll
-                for (int i = 0; i < PART + 4; ++i)
-                    near[k][i] = real(from[Mirror::at(begin + i - 2, width)]);
+                for (int i = 0; i < PART; ++i) near[k][i + 2] = real(middle[k].v[i]);
             }
-        };
+            if (first) {
 #pragma unroll
-        for (int k = 0; k < 4; ++k) read(k);
+                for (int k = 0; k < ROWS + 4; ++k) near[k][0] = near[k][4], near[k][1] = near[k][3];
+            }
+            if (last) {
+#pragma unroll
+                for (int k = 0; k < ROWS + 4; ++k)
+                    near[k][PART + 2] = near[k][PART], near[k][PART + 3] = near[k][PART - 1];
+            }
+        } else {
+            int at[PART + 4];
+#pragma unroll
+            for (int i = 0; i < PART + 4; ++i) at[i] = Mirror::at(begin + i - 2, width);
+#pragma unroll
+            for (int k = 0; k < ROWS + 4; ++k) {
+                const TYPE* from = raw.data + (size_t)Mirror::at(top + k - 2, height) * width;
+#pragma unroll
+                for (int i = 0; i < PART + 4; ++i) near[k][i] = real(from[at[i]]);
+            }
+        }
 #pragma unroll
         for (int r = 0; r < ROWS; ++r) {
             if (top + r >= height) break;
-            read(r + 4);
             const bool blue = (r & 1) != RED_ROW;  // whether it is a row of blue and green
             const int column = blue ? 1 - RED_COLUMN : RED_COLUMN;
             Colours found;

@@ -11,8 +11,8 @@ from cvkern.kernels.warp._launch import launch
 from cvkern.kernels.warp.raw._types import constants
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-BOUNDS = 128, 8  # threads of a block, and blocks of a multiprocessor
-PART, ROWS = 4, 2  # columns and rows of a thread, even
+BOUNDS = 128, 4  # threads of a block, and blocks of a multiprocessor
+PART, ROWS = 4, 4  # columns and rows of a thread, even
 MOST = 2**23  # threads, which take their parts in turns, so that no launch is folded
 
 

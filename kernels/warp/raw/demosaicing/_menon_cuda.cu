@@ -10,8 +10,9 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     struct Two {
         float v[2];
     };
+    // Four samples stay as words until they are used: to take them apart is to wait for them.
     struct alignas(4 * sizeof(TYPE)) Samples {
-        TYPE v[4];
+        unsigned v[sizeof(TYPE)];
     };
     struct alignas(4 * sizeof(TYPE)) Colours {
         TYPE v[12];
@@ -23,8 +24,11 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
     enum { CHUNKS = WIDE * 3 * sizeof(TYPE) / sizeof(Chunk) };
     __shared__ Chunk shared[WARPS][2][CHUNKS];
     const float third = 1.0f / 3.0f, shift = 8388608.0f;
-    const auto real = [=](TYPE v) {
-        return INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)v) - shift : (float)v;
+    const auto real = [=](const Samples& four, int i) {
+        const unsigned word = four.v[i * sizeof(TYPE) / 4], high = 0x4b000000u;
+        if (!INTEGRAL) return __uint_as_float(word);
+        const unsigned pick = sizeof(TYPE) == 1 ? 0x7440 + i : i % 2 ? 0x7432 : 0x7410;
+        return __uint_as_float(__byte_perm(word, high, pick)) - shift;
     };
     const auto rounded = [=](float value) {
         if (!INTEGRAL) return (TYPE)value;
@@ -78,7 +82,15 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
             const TYPE* from = raw.data + (size_t)Mirror::at(row, height) * width;
             if (aligned && x >= 0 && x + 4 <= width) return *(const Samples*)(from + x);
             Samples four;
-            for (int i = 0; i < 4; ++i) four.v[i] = from[Mirror::at(x + i, width)];
+#pragma unroll
+            for (int k = 0; k < sizeof(TYPE); ++k) {
+                enum { EACH = 4 / sizeof(TYPE), BITS = 8 * sizeof(TYPE) % 32 };
+                four.v[k] = 0;
+                for (int i = 0; i < EACH; ++i) {
+                    const TYPE own = from[Mirror::at(x + k * EACH + i, width)];
+                    four.v[k] |= INTEGRAL ? (unsigned)own << BITS * i : __float_as_uint((float)own);
+                }
+            }
             return four;
         };
         Samples ahead = read(begin - BEFORE + 8);
@@ -93,60 +105,71 @@ void interpolate_strips(wp::array_t<TYPE> raw, int rows, wp::array_t<TYPE> colou
             down[k] = across[k] = found[k] = own[k] = other[k] = second[k] = fine[k] = last_own[k] =
                 last_other[k] = none;
         }
-        for (int top = begin - BEFORE; top < end; top += 2) {
+        // Read row y + 8, and find the differences to green in row y + 6 and their changes around
+        // row y + 5. `odd` says whether a row of the parity of y has samples of a colour at odd
+        // columns.
+        const auto advance = [&](int y, int odd) {
+            const int even = 1 - odd;
+#pragma unroll
+            for (int k = 0; k < 8; ++k) {
+                chroma[k] = chroma[k + 1];
+                green[k] = green[k + 1];
+            }
+            for (int n = 0; n < 2; ++n) {
+                chroma[8].v[n] = real(ahead, 2 * n + odd);
+                green[8].v[n] = real(ahead, 2 * n + even);
+            }
+            ahead = read(y + 9);  // a row before its use
+#pragma unroll
+            for (int k = 0; k < 4; ++k) {
+                flat[k] = flat[k + 1];
+                for (int n = 0; n < 3; ++n) change[k][n] = change[k + 1][n];
+            }
+            for (int k = 0; k < 2; ++k) {
+                across[k] = across[k + 1];
+                down[k] = down[k + 1];
+                for (int n = 0; n < 4; ++n) turns[k][n] = turns[k + 1][n];
+            }
+            {
+                const Two near = around(green[6], odd);
+                const float before = left(chroma[6]), after = right(chroma[6]);
+                const float far[2] = {before + chroma[6].v[1], chroma[6].v[0] + after};
+                for (int n = 0; n < 2; ++n) {
+                    const float c = chroma[6].v[n];
+                    const float h = add(0.5f, near.v[n], add(-0.25f, far[n], 0.5f * c));
+                    const float w = add(0.5f, green[5].v[n] + green[7].v[n],
+                                        add(-0.25f, chroma[4].v[n] + chroma[8].v[n], 0.5f * c));
+                    across[2].v[n] = c - h;
+                    down[2].v[n] = c - w;
+                }
+                change[4][1] = fabsf(across[2].v[0] - across[2].v[1]);
+                change[4][2] = fabsf(across[2].v[1] - right(across[2]));
+                change[4][0] = __shfl_up_sync(0xffffffffu, change[4][2], 1);
+            }
+            // The changes of this row, one above and two above.
+            Two after;
+            for (int n = 0; n < 2; ++n) after.v[n] = fabsf(down[0].v[n] - down[2].v[n]);
+            turns[2][0] = left(after);
+            turns[2][1] = after.v[0];
+            turns[2][2] = after.v[1];
+            turns[2][3] = right(after);
+        };
+        // Rows before those that the results need are only read.
+#pragma unroll 1
+        for (int top = begin - BEFORE; top < begin - 8; top += 2) {
+#pragma unroll
+            for (int u = 0; u < 2; ++u) advance(top + u, (u != RED_ROW) != RED_COLUMN);
+        }
+#pragma unroll 1
+        for (int top = begin - 8; top < end; top += 2) {
 #pragma unroll
             for (int u = 0; u < 2; ++u) {
-                const int y = top + u;
-                // Whether a row of the parity of y has samples of a colour at odd columns.
-                const int odd = (u != RED_ROW) != RED_COLUMN, even = 1 - odd;
-#pragma unroll
-                for (int k = 0; k < 8; ++k) {
-                    chroma[k] = chroma[k + 1];
-                    green[k] = green[k + 1];
-                }
-                for (int n = 0; n < 2; ++n) {
-                    chroma[8].v[n] = real(ahead.v[2 * n + odd]);
-                    green[8].v[n] = real(ahead.v[2 * n + even]);
-                }
-                ahead = read(y + 9);  // a row before its use
-                                      // Differences to green in row y + 6.
-#pragma unroll
-                for (int k = 0; k < 4; ++k) {
-                    flat[k] = flat[k + 1];
-                    for (int n = 0; n < 3; ++n) change[k][n] = change[k + 1][n];
-                }
-                for (int k = 0; k < 2; ++k) {
-                    across[k] = across[k + 1];
-                    down[k] = down[k + 1];
-                    for (int n = 0; n < 4; ++n) turns[k][n] = turns[k + 1][n];
-                }
-                {
-                    const Two near = around(green[6], odd);
-                    const float before = left(chroma[6]), after = right(chroma[6]);
-                    const float far[2] = {before + chroma[6].v[1], chroma[6].v[0] + after};
-                    for (int n = 0; n < 2; ++n) {
-                        const float c = chroma[6].v[n];
-                        const float h = add(0.5f, near.v[n], add(-0.25f, far[n], 0.5f * c));
-                        const float w = add(0.5f, green[5].v[n] + green[7].v[n],
-                                            add(-0.25f, chroma[4].v[n] + chroma[8].v[n], 0.5f * c));
-                        across[2].v[n] = c - h;
-                        down[2].v[n] = c - w;
-                    }
-                    change[4][1] = fabsf(across[2].v[0] - across[2].v[1]);
-                    change[4][2] = fabsf(across[2].v[1] - right(across[2]));
-                    change[4][0] = __shfl_up_sync(0xffffffffu, change[4][2], 1);
-                }
+                const int y = top + u, odd = (u != RED_ROW) != RED_COLUMN, even = 1 - odd;
+                advance(y, odd);
                 // Green and the direction in row y + 4: changes along each, nearer ones more.
                 found[0] = found[1];
                 found[1] = found[2];
                 {
-                    // The changes of this row, one above and two above.
-                    Two after;
-                    for (int n = 0; n < 2; ++n) after.v[n] = fabsf(down[0].v[n] - down[2].v[n]);
-                    turns[2][0] = left(after);
-                    turns[2][1] = after.v[0];
-                    turns[2][2] = after.v[1];
-                    turns[2][3] = right(after);
                     const float *a = turns[2], *b = turns[0], *m = turns[1] + odd;
                     flat[4] = 0;
                     for (int n = 0; n < 2; ++n) {

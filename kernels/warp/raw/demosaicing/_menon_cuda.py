@@ -15,7 +15,7 @@ from cvkern.kernels.warp.raw._types import constants
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 BOUNDS = 128, 3  # threads of a block, and blocks of a multiprocessor
 LEAST = 40  # rows that a warp writes, at least: even; it begins 16 rows before
-HALO = 3  # lanes at either side of a warp that only help, of four columns each
+HALO = 2  # lanes at either side of a warp that only help, of four columns each
 MOST = 2**20  # threads, whose warps take their parts in turns
 
 

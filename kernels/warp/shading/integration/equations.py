@@ -68,6 +68,63 @@ def _slopes(
 
 
 @wp.func
+def _there(inside: wp.array2d[wp.uint8], y: int, x: int) -> bool:
+    found = bool(False)
+    if y >= 0 and x >= 0 and y < inside.shape[0] and x < inside.shape[1]:
+        found = inside[y, x] != wp.uint8(0)
+    return found
+
+
+@wp.func
+def _bend(slope: wp.array3d[float], axis: int, y: int, x: int, k: int) -> float:
+    """Return the second difference of slopes k pixels apart."""
+    own = slope[axis, y, x]
+    before = slope[axis, y - axis * k, x - (1 - axis) * k]
+    after = slope[axis, y + axis * k, x + (1 - axis) * k]
+    return (before - own) + (after - own)
+
+
+def adjust(inside: wp.array, slope: wp.array, adjusted: wp.array) -> None:
+    """Write slopes such that the mean of two neighbours is the rise between them."""
+    launch_rows(_adjust, inside.shape, 16, [inside, slope], [adjusted])
+
+
+@wp.kernel
+def _adjust(
+    stride: int,
+    first: int,
+    last: int,
+    run: int,
+    inside: wp.array2d[wp.uint8],
+    slope: wp.array3d[float],
+    # outputs
+    adjusted: wp.array3d[float],  # (2, H, W)
+):
+    for i in range(first + wp.tid(), last, stride):
+        y = i * run // inside.shape[1]
+        begin = i * run % inside.shape[1]
+        for x in range(begin, begin + run):
+            for axis in range(2):
+                v = axis
+                u = 1 - axis
+                here = inside[y, x] != wp.uint8(0)
+                before = here and _there(inside, y - v, x - u)
+                after = here and _there(inside, y + v, x + u)
+                more_before = before and _there(inside, y - 2 * v, x - 2 * u)
+                more_after = after and _there(inside, y + 2 * v, x + 2 * u)
+                curve = float(0.0)
+                if more_before and more_after:
+                    curve = _bend(slope, axis, y, x, 2) - 3.0 * _bend(slope, axis, y, x, 1)
+                elif before and after:
+                    curve = _bend(slope, axis, y, x, 1)
+                elif more_before:
+                    curve = _bend(slope, axis, y - v, x - u, 1)
+                elif more_after:
+                    curve = _bend(slope, axis, y + v, x + u, 1)
+                adjusted[axis, y, x] = slope[axis, y, x] - curve / 12.0
+
+
+@wp.func
 def _difference(
     depth: wp.array2d[wp.float64], inside: wp.array2d[wp.uint8], y: int, x: int, v: int, u: int
 ):

@@ -4,6 +4,10 @@
 // line v modulo the height of the window, so each row needs one new line.
 void census(int slab, int first, int last, wp::array_t<TYPE> image, int radius_y, int radius_x,
             int spacing, int symmetric, wp::array_t<TYPE> lines, wp::array_t<wp::uint64> bits) {
+    typedef TYPE values __attribute__((vector_size(64 * sizeof(TYPE)), aligned(sizeof(TYPE))));
+    typedef unsigned char octets __attribute__((vector_size(64)));
+    // Clang keeps 64 bytes in one register only if a function returns them.
+    const auto load = [](const TYPE* p) { return *(const values*)p; };
     const int height = image.shape[0], step = image.shape[2], columns = image.shape[1] * step;
     const int reach = radius_y * spacing, size = 2 * reach + 1, pitch = lines.shape[1];
     const int margin = radius_x * spacing * step;
@@ -22,25 +26,24 @@ void census(int slab, int first, int last, wp::array_t<TYPE> image, int radius_y
         }
         unsigned long long* out = (unsigned long long*)bits.data + (size_t)y * columns;
         for (int begin = 0; begin < columns; begin += 64) {
-            unsigned char bytes[8][64];
-            for (int i = 0; i < 8; ++i)
-                for (int k = 0; k < 64; ++k) bytes[i][k] = 0;
+            unsigned char bytes[8][64] = {};
+            octets some = {};
             const TYPE* centre = window + (size_t)(y % size) * pitch + begin;
             int n = 0;
-            for (int dy = -radius_y; dy <= (symmetric ? 0 : radius_y); ++dy)
+            for (int dy = -radius_y; dy <= (symmetric ? 0 : radius_y); ++dy) {
+                const int v = dy * spacing;
+                const TYPE* const above = window + (size_t)((y + v + size) % size) * pitch + begin;
+                const TYPE* const below = window + (size_t)((y - v + size) % size) * pitch + begin;
                 for (int dx = -radius_x; dx <= radius_x; ++dx) {
                     if (dy == 0 && (symmetric ? dx >= 0 : dx == 0)) continue;
-                    const int v = dy * spacing, u = dx * spacing * step;
-                    const int above = (y + v + size) % size, below = (y - v + size) % size;
-                    const TYPE* a = window + (size_t)above * pitch + begin + u;
-                    const TYPE* b = centre;
-                    if (symmetric) b = window + (size_t)below * pitch + begin - u;
-                    unsigned char* to = bytes[n >> 3];
-                    const unsigned char bit = (unsigned char)(1 << (n & 7));
-#pragma clang loop vectorize(assume_safety)
-                    for (int k = 0; k < 64; ++k) to[k] |= a[k] < b[k] ? bit : (unsigned char)0;
-                    ++n;
+                    const int u = dx * spacing * step;
+                    const TYPE *const a = above + u, *const b = symmetric ? below - u : centre;
+                    const auto darker = __builtin_convertvector(load(a) < load(b), octets);
+                    some |= darker & (unsigned char)(1 << n % 8);
+                    __builtin_memcpy(bytes[n / 8], &some, 64);
+                    if (++n % 8 == 0) some = (octets){};
                 }
+            }
             unsigned long long words[64];
 #pragma clang loop vectorize(assume_safety)
             for (int k = 0; k < 64; ++k) words[k] = bytes[0][k];
@@ -48,7 +51,8 @@ void census(int slab, int first, int last, wp::array_t<TYPE> image, int radius_y
 #pragma clang loop vectorize(assume_safety)
                 for (int k = 0; k < 64; ++k) words[k] |= (unsigned long long)bytes[i][k] << (8 * i);
             }
-            for (int k = 0; k < 64 && begin + k < columns; ++k) out[begin + k] = words[k];
+            const int number = columns - begin < 64 ? columns - begin : 64;
+            __builtin_memcpy(out + begin, words, number * sizeof *words);
         }
     }
 }

@@ -26,7 +26,7 @@ void sweep(int slab, int first, int last, wp::array_t<TYPE> volume, wp::array_t<
     while (sweep.next()) {
         // The costs of the row, as uint16. Meanwhile, prefetch the memory that is needed next: the
         // sums of these pixels, if there are any, and the costs of the next row.
-        for (int j = sweep.begin; j < sweep.end; ++j) {
+        const auto put = [&](int j) __attribute__((always_inline)) {
             const int x = sweep.x(j);
             const TYPE* from = volume.data + ((size_t)sweep.y() * columns + x) * depth;
             if (course.add && sweep.row >= 0) {
@@ -38,8 +38,8 @@ void sweep(int slab, int first, int last, wp::array_t<TYPE> volume, wp::array_t<
             NUMBER* to = costs + (j - sweep.begin) * padded;
 #pragma clang loop vectorize(assume_safety)
             for (int d = 0; d < depth; ++d) to[d] = from[d];
-        }
-        steps.advance(sweep, costs, totals);
+        };
+        advance(steps, sweep, costs, totals, put);
         if (sweep.row >= 0) Steps::collect(sweep, totals, padded, course.add, sums.data, depth);
     }
 }

@@ -3,8 +3,7 @@
 The sweeps are those of _steps_cpu.py, except that each computes the costs of a pixel when it
 reaches the pixel (_costs_cpu.h), which takes less time than reading them from memory. The last
 sweep adds its sums to those of the others, and picks the winners of both images while the sums are
-in the cache. In a row, the blocks come from right to left, as the right image's winners need
-(_line_cpu.h).
+in the cache (_turned_cpu.h). In a row the blocks come from right to left.
 """
 
 from functools import lru_cache
@@ -13,16 +12,16 @@ import warp as wp
 
 from cvkern.kernels.codes.stereo import CENSUS_WEIGHT, DIFFERENCE_LIMIT, DIFFERENCE_SHIFT
 from cvkern.kernels.warp import _native
+from cvkern.kernels.warp.stereo import _turned_cpu as turned
 from cvkern.kernels.warp.stereo._winner import WinnerArrays, WinnerRule
-from cvkern.kernels.warp.stereo._winners_cpu import INTEGER
 
 from ._steps_cpu import OPTIONS, Course, Number, Paths, constants, work_of
 
 wp.set_module_options(OPTIONS)
 
+LANES = 32  # pixels whose winners are found at once, and disparities whose sums are added
 LINES = 4  # lines of bytes that a row of the right image is unfolded to
 _COST = {
-    "SPAN": 32,  # disparities whose costs are computed at a time
     "LINES": LINES,
     "WEIGHT": CENSUS_WEIGHT,
     "SHIFT": DIFFERENCE_SHIFT,
@@ -41,10 +40,11 @@ class Pair:
 
 @wp.struct
 class BestRight:
-    """The best match so far of each pixel of the right image, from the last column to the first."""
+    """The best match so far of each pixel of the right image, and at last its index."""
 
-    cost: wp.array2d[wp.uint16]  # (h, W + 2 padded)
-    place: wp.array2d[wp.uint16]  # (h, W + 2 padded)
+    cost: wp.array2d[wp.uint16]  # (h, W + LANES)
+    place: wp.array2d[wp.uint16]  # (h, W + LANES)
+    index: wp.array2d[int]  # (h, W)
 
 
 @wp.kernel
@@ -70,7 +70,7 @@ def unfold(
             unfolded[LINES * y + 3, n] = gray[y, x]
 
 
-@_native.kernel("_volume_cpu.h", OPTIONS, **_COST)
+@_native.kernel("_volume_cpu.h", OPTIONS, **_COST, SPAN=32)
 def match_costs(
     slab: int,
     first_row: int,
@@ -83,45 +83,17 @@ def match_costs(
 ): ...
 
 
-@wp.kernel
-def clear_right(
-    slab: int,
-    first_row: int,
-    last_row: int,
-    padded: int,
-    # outputs
-    cost: wp.array2d[wp.uint16],  # (h, W + 2 padded)
-    place: wp.array2d[wp.uint16],  # (h, W + 2 padded)
-):
-    for y in range(first_row, last_row):
-        for n in range(cost.shape[1]):
-            cost[y, n] = wp.uint16(0xFFFF)
-            place[y, n] = wp.uint16(padded)
-
-
-@wp.kernel
-def read_right(
-    slab: int,
-    first_row: int,
-    last_row: int,
-    count: int,
-    place: wp.array2d[wp.uint16],  # (h, W + 2 padded)
-    # outputs
-    index: wp.array2d[int],  # (h, W)
-):
-    columns = index.shape[1]
-    margin = (place.shape[1] - columns) // 2
-    for y in range(first_row, last_row):
-        for x in range(columns):
-            k = int(place[y, margin + columns - 1 - x])
-            index[y, x] = wp.where(k < count, k, -1)
-
-
 @lru_cache
 def sweep(paths: Paths, number: Number) -> wp.Kernel:
     """Return the kernel for some paths, with L in numbers that can hold C + P2."""
     work_type = work_of(number)
-    needs = {**INTEGER.constants, **constants(paths, number), **_COST}
+    needs = {
+        **turned.CONSTANTS,
+        **constants(paths, number),
+        **_COST,
+        "LANES": LANES,
+        "SPAN": number.vector,  # disparities whose costs are computed at a time
+    }
 
     @_native.kernel("_matching_cpu.h", OPTIONS, **needs)
     def sweep(
@@ -134,7 +106,7 @@ def sweep(paths: Paths, number: Number) -> wp.Kernel:
         rule: WinnerRule,
         # scratch
         work: work_type,
-        lines: wp.array2d[wp.uint16],  # (slabs, padded)
+        turned: wp.array2d[wp.uint16],  # (slabs, (2 TILE + 2 LANES) padded)
         sums: wp.array3d[number.total],  # (h, W, padded)
         right: BestRight,
         # outputs, of the rows from the course's `top` on

@@ -125,9 +125,11 @@ struct Sweep {
 // changes, because additions saturate, and it is never chosen.
 // A total is the sum of L over the paths, or, with CHANGES, of L - C, which P2 bounds.
 // needs NUMBER, VECTOR, HEADER, LARGEST, PATHS, TOTAL, CHANGES
-// needs DOWN_THE_ROWS, ALONG_THE_ROW, LOWER, UPPER
+// needs DOWN_THE_ROWS, ALONG_THE_ROW, LAST_WORDS, NEXT_WORDS
 struct Steps {
-    typedef NUMBER lanes __attribute__((vector_size(32), aligned(sizeof(NUMBER))));
+    typedef NUMBER lanes
+        __attribute__((vector_size(VECTOR * sizeof(NUMBER)), aligned(sizeof(NUMBER))));
+    typedef unsigned long long words __attribute__((vector_size(VECTOR * sizeof(NUMBER))));
     typedef TOTAL sums __attribute__((vector_size(VECTOR * sizeof(TOTAL)), aligned(sizeof(TOTAL))));
 
     const unsigned char* guide;  // grey values of all pixels, or null
@@ -136,66 +138,14 @@ struct Steps {
     NUMBER* slots;
     int pitch, padded;
 
-    // Compute the totals over the paths, for the pixels of a row, from their costs.
-    void advance(const Sweep& sweep, const NUMBER* costs, TOTAL* totals) const {
-        const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
-        const int height = sweep.height, columns = sweep.columns, step = sweep.step, i = sweep.i;
-        const int line = padded, length = pitch;
-        const unsigned char* const gray = guide ? guide + (size_t)sweep.y() * columns : nullptr;
-        const unsigned short* const far = p2;
-        const lanes zero = {}, penalty = zero + (NUMBER)p1;
-        NUMBER* const first_slot = slots;
-        for (int j = sweep.begin, end = sweep.end; j < end; ++j, costs += line, totals += line) {
-            NUMBER* slot[paths];
-            size_t chain = 0;
-#pragma clang loop unroll(full)
-            for (int q = 0; q < paths; ++q) {
-                const int most = along[q] * (height - 1), last = down[q] * (columns - 1);
-                const int here = down[q] * j - along[q] * i + (most > 0 ? most : 0);
-                slot[q] = first_slot + (chain + here) * length + HEADER;
-                chain += last + (most > 0 ? most : -most) + 1;
-            }
-            NUMBER least[paths], jump[paths];
-            lanes before[paths], now[paths], minimum[paths];
-#pragma clang loop unroll(full)
-            for (int q = 0; q < paths; ++q) {
-                int difference = 0;
-                if (gray && i >= down[q] && j >= along[q] && j - along[q] < columns) {
-                    const unsigned char* p = gray + (step > 0 ? j : columns - 1 - j);
-                    difference = *p - p[-step * (down[q] * columns + along[q])];
-                }
-                least[q] = slot[q][-HEADER / 2 - 1];
-                jump[q] = least[q] + far[difference < 0 ? -difference : difference];
-                before[q] = *(const lanes*)(slot[q] - VECTOR);
-                now[q] = *(const lanes*)slot[q];
-                minimum[q] = zero + (NUMBER)LARGEST;
-            }
-            for (int d = 0; d < line; d += VECTOR) {
-                const lanes c = *(const lanes*)(costs + d);
-                sums sum = {};
-#pragma clang loop unroll(full)
-                for (int q = 0; q < paths; ++q) {
-                    const lanes after = *(const lanes*)(slot[q] + d + VECTOR);
-                    const lanes lower = __builtin_shufflevector(before[q], now[q], LOWER);
-                    const lanes upper = __builtin_shufflevector(now[q], after, UPPER);
-                    const lanes beside = __builtin_elementwise_add_sat(
-                        __builtin_elementwise_min(lower, upper), penalty);
-                    const lanes near = __builtin_elementwise_min(now[q], beside);
-                    const lanes best = __builtin_elementwise_min(near, zero + jump[q]);
-                    const lanes change = best - least[q];
-                    const lanes l = __builtin_elementwise_add_sat(change, c);
-                    *(lanes*)(slot[q] + d) = l;
-                    minimum[q] = __builtin_elementwise_min(minimum[q], l);
-                    sum += __builtin_convertvector(CHANGES ? change : l, sums);
-                    before[q] = now[q];
-                    now[q] = after;
-                }
-                *(sums*)(totals + d) = sum;
-            }
-#pragma clang loop unroll(full)
-            for (int q = 0; q < paths; ++q)
-                slot[q][-HEADER / 2 - 1] = __builtin_reduce_min(minimum[q]);
-        }
+    // The numbers one place before and one place after those of `now`. Words of 64 bits are moved,
+    // then bits of two words, which takes less time than moving single numbers.
+    enum { BITS = 8 * sizeof(NUMBER), REST = 64 - BITS };
+    static lanes lower(words before, words now) {
+        return (lanes)(now << BITS | __builtin_shufflevector(before, now, LAST_WORDS) >> REST);
+    }
+    static lanes upper(words now, words after) {
+        return (lanes)(now >> BITS | __builtin_shufflevector(now, after, NEXT_WORDS) << REST);
     }
 
     // Add the totals of the pixels of a row to their sums of `depth` disparities, or store them.
@@ -210,6 +160,88 @@ struct Steps {
 #pragma clang loop vectorize(assume_safety)
                 for (int d = 0; d < depth; ++d) to[d] = totals[d];
             }
+        }
+    }
+};
+
+// Compute the totals over the paths, for the pixels of a row, from their costs. ``put(j)`` stores
+// the costs of pixel j; the processor does this while it waits for the steps of the pixel before.
+const auto advance = [](const Steps& steps, const Sweep& sweep, const NUMBER* costs, TOTAL* totals,
+                        const auto& put) __attribute__((always_inline)) {
+    typedef Steps::lanes lanes;
+    typedef Steps::words words;
+    typedef Steps::sums sums;
+    const int paths = PATHS, down[] = {DOWN_THE_ROWS}, along[] = {ALONG_THE_ROW};
+    const int height = sweep.height, columns = sweep.columns, i = sweep.i;
+    const int line = steps.padded, length = steps.pitch, begin = sweep.begin, end = sweep.end;
+    const lanes zero = {}, penalty = zero + (NUMBER)steps.p1;
+    // For each path: P2 of all pixels, the slot of the next pixel, and m of the one before it.
+    NUMBER far[paths][BLOCK];
+    NUMBER* slot[paths];
+    lanes least[paths];
+    size_t chain = 0;
+#pragma clang loop unroll(full)
+    for (int q = 0; q < paths; ++q) {
+        const int most = along[q] * (height - 1), last = down[q] * (columns - 1);
+        const int here = down[q] * begin - along[q] * i + (most > 0 ? most : 0);
+        slot[q] = steps.slots + (chain + here) * length + HEADER;
+        chain += last + (most > 0 ? most : -most) + 1;
+        least[q] = zero + slot[q][-HEADER / 2 - 1];
+        // Differences of the guide, from left to right in the image. Where a chain begins P2 does
+        // not matter, because L of the pixel before is 0.
+        const int low = along[q] > begin ? along[q] : begin;
+        const int high = columns + along[q] < end ? columns + along[q] : end;
+        const int left = sweep.step > 0 ? sweep.x(begin) : sweep.x(end - 1);
+        unsigned char apart[BLOCK] = {};
+        if (steps.guide && i >= down[q] && low < high) {
+            const unsigned char* const p = steps.guide + (size_t)sweep.y() * columns + left;
+            const unsigned char* const o =
+                p - sweep.step * ((long long)down[q] * columns + along[q]);
+            const int from = sweep.step > 0 ? low - begin : end - high;
+#pragma clang loop vectorize(assume_safety)
+            for (int n = from; n < from + high - low; ++n)
+                apart[n] = p[n] < o[n] ? o[n] - p[n] : p[n] - o[n];
+        }
+        for (int j = begin; j < end; ++j) far[q][j - begin] = steps.p2[apart[sweep.x(j) - left]];
+    }
+    for (int j = begin; j < end; ++j, costs += line, totals += line) {
+        put(j);
+        lanes before[paths], now[paths], jump[paths], minimum[paths];
+#pragma clang loop unroll(full)
+        for (int q = 0; q < paths; ++q) {
+            if (down[q]) least[q] = zero + slot[q][-HEADER / 2 - 1];
+            jump[q] = least[q] + far[q][j - begin];
+            before[q] = zero + (NUMBER)LARGEST;
+            now[q] = *(const lanes*)slot[q];
+            minimum[q] = zero + (NUMBER)LARGEST;
+        }
+        for (int d = 0; d < line; d += VECTOR) {
+            const lanes c = *(const lanes*)(costs + d);
+            sums sum = {};
+#pragma clang loop unroll(full)
+            for (int q = 0; q < paths; ++q) {
+                const lanes after = *(const lanes*)(slot[q] + d + VECTOR);
+                const lanes beside = __builtin_elementwise_add_sat(
+                    __builtin_elementwise_min(Steps::lower((words)before[q], (words)now[q]),
+                                              Steps::upper((words)now[q], (words)after)),
+                    penalty);
+                const lanes near = __builtin_elementwise_min(now[q], beside);
+                const lanes change = __builtin_elementwise_min(near, jump[q]) - least[q];
+                const lanes l = __builtin_elementwise_add_sat(change, c);
+                *(lanes*)(slot[q] + d) = l;
+                minimum[q] = __builtin_elementwise_min(minimum[q], l);
+                sum += __builtin_convertvector(CHANGES ? change : l, sums);
+                before[q] = now[q];
+                now[q] = after;
+            }
+            *(sums*)(totals + d) = sum;
+        }
+#pragma clang loop unroll(full)
+        for (int q = 0; q < paths; ++q) {
+            const NUMBER m = __builtin_reduce_min(minimum[q]);
+            least[q] = zero + m;
+            slot[q][-HEADER / 2 - 1] = m;
+            slot[q] += down[q] * length;
         }
     }
 };

@@ -10,7 +10,7 @@ moves are two more such sweeps, with u = j + 2 i.
 
 _steps_cpu.h has the tasks, and the equation of a step. The costs and sums of a row of a task, and
 its slots, stay in the first two levels of cache. The code is native, because a step is saturating
-arithmetic on vectors of 32 bytes, and because threads take tasks by atomics.
+arithmetic on vectors of 32 or 64 bytes, and because threads take tasks by atomics.
 """
 
 from collections.abc import Iterable
@@ -43,7 +43,7 @@ class Number(NamedTuple):
 
     scalar: Any
     vector: int
-    """Numbers in 32 bytes."""
+    """Numbers in a vector, a divisor of the padded number of disparities."""
     header: int
     """Numbers in a cache line."""
     largest: str
@@ -51,9 +51,12 @@ class Number(NamedTuple):
     """The type of sums over paths: of L, or, if it is a byte, of L - C <= P2."""
 
 
-BYTE = Number(wp.uint8, 32, 64, "0xff")
-CHANGE = BYTE._replace(total=wp.uint8)
-WORD = Number(wp.uint16, 16, 32, "0xffff")
+WORD = Number(wp.uint16, 32, 32, "0xffff")
+
+
+def byte(depth: int, total: Any) -> Number:
+    """Return the numbers that are bytes, for a number of disparities."""
+    return Number(wp.uint8, 64 if padded(depth) % 64 == 0 else 32, 64, "0xff", total)
 
 
 @wp.struct
@@ -87,10 +90,12 @@ def work_of(number: Number) -> Any:
 
 def constants(paths: Paths, number: Number) -> dict[str, Any]:
     """Return the constants of _steps_cpu.h."""
-    n = number.vector
+    words = number.vector * wp.types.type_size_in_bytes(number.scalar) // 8
     return {
         "NUMBER": number.scalar,
-        "VECTOR": n,
+        "VECTOR": number.vector,
+        "LAST_WORDS": _list(range(words - 1, 2 * words - 1)),
+        "NEXT_WORDS": _list(range(1, words + 1)),
         "HEADER": number.header,
         "LARGEST": number.largest,
         "TOTAL": number.total,
@@ -102,8 +107,6 @@ def constants(paths: Paths, number: Number) -> dict[str, Any]:
         "PATHS": len(paths),
         "DOWN_THE_ROWS": _list(down for down, _ in paths),
         "ALONG_THE_ROW": _list(along for _, along in paths),
-        "LOWER": _list(range(n - 1, 2 * n - 1)),
-        "UPPER": _list(range(1, n + 1)),
     }
 
 

@@ -13,6 +13,7 @@ import warp as wp
 from cvkern.kernels.codes.stereo import LARGEST_MATCH_COST, Penalties, Rule, View, Winners
 from cvkern.kernels.warp._launch import launch_slabs, scratch, slabs
 from cvkern.kernels.warp._structs import struct_of
+from cvkern.kernels.warp.stereo import _turned_cpu as turned
 from cvkern.kernels.warp.stereo._winner import WinnerArrays, WinnerRule
 from cvkern.kernels.warp.stereo._winners_cpu import padded
 
@@ -59,26 +60,26 @@ def match(
     pair.bits, pair.gray = left
     pair.unfolded = _unfold(right, rule.first, count, parts)
     best = cpu.BestRight()
-    row = (kept, width + 2 * reach)
-    best.cost = scratch("winner.best", row, wp.uint16, device)
-    best.place = place = scratch("winner.place", row, wp.uint16, device)
-    launch_slabs(cpu.clear_right, kept, parts, [reach], [best.cost, place])
-    number = steps.BYTE if LARGEST_MATCH_COST + penalties.most < 256 else steps.WORD
-    sweeps = steps.sweeps(paths)
-    if number is steps.BYTE and len(sweeps) == 2 and paths // 2 * penalties.most < 256:
-        number = steps.CHANGE
+    row = (kept, width + cpu.LANES)
+    best.cost = scratch("match.best", row, wp.uint16, device)
+    best.place = scratch("match.place", row, wp.uint16, device)
+    best.index = right_index
+    sweeps, number = steps.sweeps(paths), steps.WORD
+    if LARGEST_MATCH_COST + penalties.most < 256:
+        changes = len(sweeps) == 2 and paths // 2 * penalties.most < 256
+        number = steps.byte(count, wp.uint8 if changes else wp.uint16)
     lines = steps.lines(parts, count, number, device)
     sums = scratch("semi_global.sums", (kept, width, reach), number.total, device)
-    line = scratch("match.line", (parts, reach), wp.uint16, device)
+    tile = (parts, 2 * (turned.TILE + cpu.LANES) * reach)
+    tiles = scratch("match.turned", tile, wp.uint16, device)
     rule_struct, outputs = struct_of(WinnerRule, rule), struct_of(WinnerArrays, winners)
     for n, (some, step) in enumerate(sweeps):
         slots, tasks = steps.begin(some, number, (height, width, count), device)
         work = steps.work_of(number)()
         work.costs, work.totals, work.slots = *lines, slots
         course = steps.course_of(penalties, step, (n > 0, n < len(sweeps) - 1), top, tasks)
-        inputs = [pair, count, course, rule_struct, work, line, sums, best]
+        inputs = [pair, count, course, rule_struct, work, tiles, sums, best]
         launch_slabs(cpu.sweep(some, number), parts, parts, inputs, [outputs])
-    launch_slabs(cpu.read_right, kept, parts, [count, place], [right_index])
 
 
 def matching_bytes(device: str, height: int, width: int, depth: int, paths: int, p2: int) -> int:

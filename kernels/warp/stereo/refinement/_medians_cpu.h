@@ -12,6 +12,8 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
         typedef number numbers
             __attribute__((vector_size(sizeof(number) * LANES), aligned(sizeof(number))));
         typedef unsigned char bytes __attribute__((vector_size(LANES), aligned(1)));
+        // Clang keeps 64 bytes in one register only if a function returns them.
+        const auto load = [](const float* p) { return *(const floats*)p; };
         // `sum` of a value is the weight of those before or equal to it. It begins with the weights
         // from its own place on.
         floats v[MOST];
@@ -19,7 +21,7 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
         const numbers center =
             __builtin_convertvector(*(const bytes*)(grays[radius] + begin), numbers);
         for (int i = size - 1; i >= 0; --i) {
-            const floats value = *(const floats*)(values[i] + begin);
+            const floats value = load(values[i] + begin);
             const numbers apart =
                 __builtin_convertvector(*(const bytes*)(grays[i] + begin), numbers) - center;
             const numbers say = (number)contrast - (apart < 0 ? -apart : apart);
@@ -41,9 +43,10 @@ const auto medians_of_row = [](const float** values, const unsigned char** grays
                 const numbers here = weight[j];
                 const numbers before = __builtin_convertvector(one <= value, numbers);
                 const numbers after = __builtin_convertvector(two <= value, numbers);
-                total -= before & here;
-                other -= after & here;
-                sum[j] += (before & first) + (after & second);
+                total = before ? total - here : total;
+                other = after ? other - here : other;
+                const numbers own = before ? sum[j] + first : sum[j];
+                sum[j] = after ? own + second : own;
             }
             sum[i] = total, sum[i + 1] = other;
         }

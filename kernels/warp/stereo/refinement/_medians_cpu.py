@@ -13,7 +13,7 @@ _OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
 
 @_native.kernel("_medians_rows_cpu.h", _OPTIONS, MOST=2 * MAX_RADIUS + 1)
-def along(
+def medians(
     slab: int,
     first: int,
     last: int,
@@ -21,23 +21,10 @@ def along(
     guide: wp.array2d[wp.uint8],  # (H, W)
     radius: int,
     contrast: int,
+    down: bool,  # the columns, or along the rows
     # scratch
     lines: wp.array2d[float],  # (slabs, W + 2 radius)
     gray_lines: wp.array2d[wp.uint8],  # (slabs, W + 2 radius)
-    # outputs
-    smooth: wp.array2d[float],  # (H, W)
-): ...
-
-
-@_native.kernel("_medians_rows_cpu.h", _OPTIONS, MOST=2 * MAX_RADIUS + 1)
-def down(
-    slab: int,
-    first: int,
-    last: int,
-    disparity: wp.array2d[float],  # (H, W)
-    guide: wp.array2d[wp.uint8],  # (H, W)
-    radius: int,
-    contrast: int,
     # outputs
     smooth: wp.array2d[float],  # (H, W)
 ): ...

@@ -2,14 +2,58 @@
 
 A run is a connected part of a row; its label is its first pixel. Runs form trees within their
 region, and the root of a tree holds the size of the region. One thread joins the seams between the
-slabs afterwards.
+slabs afterwards. Native code compares the neighbours, 64 pixels at once, and copies the runs that
+are kept; the bits of a word tell where runs begin, and which pixels join the run above.
 """
 
 import warp as wp
 
-from ._none import none
+from cvkern.kernels.warp import _native
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@_native.kernel("_speckles_cpu.h")
+def mark(
+    slab: int,
+    first: int,
+    last: int,
+    disparity: wp.array2d[float],  # (H, W)
+    difference: float,
+    # outputs, bits of 64 pixels a word
+    begins: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
+    joints: wp.array2d[wp.uint64],  # (H, ceil(W / 64)), from row 1 on
+): ...
+
+
+@_native.kernel("_speckles_cpu.h")
+def keep(
+    slab: int,
+    first: int,
+    last: int,
+    disparity: wp.array2d[float],  # (H, W)
+    min_size: int,
+    begins: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
+    parents: wp.array[int],  # (H W,)
+    sizes: wp.array[int],  # (H W,)
+    # outputs
+    kept: wp.array2d[float],  # (H, W)
+): ...
+
+
+@wp.func
+def lowest(bits: wp.uint64) -> int:
+    """Return the number of the lowest bit that is set."""
+    return int(wp.bit_count((bits & (~bits + wp.uint64(1))) - wp.uint64(1)))
+
+
+@wp.func
+def highest(bits: wp.uint64) -> int:
+    """Return the number of the highest bit that is set."""
+    filled = bits
+    for n in range(6):
+        filled = filled | (filled >> wp.uint64(1 << n))
+    return int(wp.bit_count(filled)) - 1
 
 
 @wp.func
@@ -27,100 +71,82 @@ def root_of(parents: wp.array[int], label: int) -> int:
 @wp.func
 def join_rows(
     row: int,
-    disparity: wp.array2d[float],
-    difference: float,
-    labels: wp.array[int],
+    columns: int,
+    begins: wp.array2d[wp.uint64],
+    joints: wp.array2d[wp.uint64],
     parents: wp.array[int],
     sizes: wp.array[int],
 ):
     """Join the runs of a row with those of the row above."""
-    columns = disparity.shape[1]
-    last = int(-1)
-    last_above = int(-1)
-    for x in range(columns):
-        if wp.abs(disparity[row, x] - disparity[row - 1, x]) <= difference:
-            label = labels[row * columns + x]
-            above = labels[(row - 1) * columns + x]
-            if label != last or above != last_above:
-                last = label
-                last_above = above
-                a = root_of(parents, label)
-                b = root_of(parents, above)
-                if a != b:
-                    root = wp.min(a, b)
-                    other = wp.max(a, b)
-                    parents[other] = root
-                    sizes[root] = sizes[root] + sizes[other]
+    one = wp.uint64(1)
+    before = wp.uint64(0)  # whether the last pixel joins the row above
+    label = int(0)  # begins of the runs, in their rows
+    label_above = int(0)
+    for k in range(begins.shape[1]):
+        own = begins[row, k]
+        above = begins[row - 1, k]
+        joint = joints[row, k]
+        # A pixel after one that joins the same two runs can be left out.
+        left = joint & (~((joint << one) | before) | own | above)
+        before = joint >> wp.uint64(63)
+        while left != wp.uint64(0):
+            here = left ^ (left - one)  # the lowest bit, and all below it
+            left = left & (left - one)
+            if (own & here) != wp.uint64(0):
+                label = 64 * k + highest(own & here)
+            if (above & here) != wp.uint64(0):
+                label_above = 64 * k + highest(above & here)
+            a = root_of(parents, row * columns + label)
+            b = root_of(parents, (row - 1) * columns + label_above)
+            if a != b:
+                root = wp.min(a, b)
+                other = wp.max(a, b)
+                parents[other] = root
+                sizes[root] = sizes[root] + sizes[other]
+        if own != wp.uint64(0):
+            label = 64 * k + highest(own)
+        if above != wp.uint64(0):
+            label_above = 64 * k + highest(above)
 
 
 @wp.kernel
-def label_slab(
+def join_slab(
     slab: int,
     first: int,
     last: int,
-    disparity: wp.array2d[float],  # (H, W)
-    difference: float,
+    columns: int,
+    begins: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
+    joints: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
     # outputs
-    labels: wp.array[int],  # (H W,)
     parents: wp.array[int],  # (H W,)
     sizes: wp.array[int],  # (H W,)
 ):
-    columns = disparity.shape[1]
     for row in range(first, last):
         start = row * columns
-        before = disparity[row, 0]
-        for x in range(columns):
-            i = row * columns + x
-            here = disparity[row, x]
-            if x == 0 or not (wp.abs(here - before) <= difference):
-                if x > 0:
-                    sizes[start] = i - start
-                start = i
+        for k in range(begins.shape[1]):
+            left = begins[row, k]
+            while left != wp.uint64(0):
+                i = row * columns + 64 * k + lowest(left)
+                left = left & (left - wp.uint64(1))
+                sizes[start] = i - start
                 parents[i] = i
-            labels[i] = start
-            before = here
+                start = i
         sizes[start] = (row + 1) * columns - start
         if row > first:
-            join_rows(row, disparity, difference, labels, parents, sizes)
+            join_rows(row, columns, begins, joints, parents, sizes)
 
 
 @wp.kernel
 def join_slabs(
     slabs: int,
-    disparity: wp.array2d[float],  # (H, W)
-    difference: float,
-    labels: wp.array[int],  # (H W,)
+    columns: int,
+    begins: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
+    joints: wp.array2d[wp.uint64],  # (H, ceil(W / 64))
     # outputs
     parents: wp.array[int],  # (H W,)
     sizes: wp.array[int],  # (H W,)
 ):
-    rows = wp.int64(disparity.shape[0])
+    rows = wp.int64(begins.shape[0])
     for seam in range(1, slabs):
         row = int(rows * wp.int64(seam) / wp.int64(slabs))
-        join_rows(row, disparity, difference, labels, parents, sizes)
-
-
-@wp.kernel
-def keep_regions(
-    slab: int,
-    first: int,
-    last: int,
-    disparity: wp.array2d[float],  # (H, W)
-    min_size: int,
-    labels: wp.array[int],  # (H W,)
-    parents: wp.array[int],  # (H W,)
-    sizes: wp.array[int],  # (H W,)
-    # outputs
-    kept: wp.array2d[float],  # (H, W)
-):
-    columns = disparity.shape[1]
-    large = bool(False)
-    for row in range(first, last):
-        for x in range(columns):
-            i = row * columns + x
-            label = labels[i]
-            if label == i:
-                while parents[label] != label:
-                    label = parents[label]
-                large = sizes[label] >= min_size
-            kept[row, x] = wp.where(large, disparity[row, x], none())
+        join_rows(row, columns, begins, joints, parents, sizes)

@@ -31,13 +31,13 @@ def guided_median(
         launch(along, (height, -(-width // 2)), [disparity, guide, contrast], [across])
         launch(down, (-(-height // 2), width), [across, guide, contrast], [smooth])
         return
-    options = [guide, radius, contrast]
     count = slabs(height, smooth.size * (2 * radius + 1))
     line = (count, width + 2 * radius)
     lines = scratch("guided_median.lines", line, wp.float32, smooth.device)
     grays = scratch("guided_median.grays", line, wp.uint8, smooth.device)
-    launch_slabs(cpu.along, height, count, [disparity, *options, lines, grays], [across])
-    launch_slabs(cpu.down, height, count, [across, *options], [smooth])
+    for values, down, out in ((disparity, False, across), (across, True, smooth)):
+        inputs = [values, guide, radius, contrast, down, lines, grays]
+        launch_slabs(cpu.medians, height, count, inputs, [out])
 
 
 def max_radius() -> int:

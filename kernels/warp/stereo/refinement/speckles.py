@@ -25,10 +25,13 @@ def remove_speckles(disparity: wp.array, min_size: int, difference: float, kept:
         launch(cuda.count, size, [min_size], [parents, sizes])
         launch(cuda.keep, size, [disparity, min_size, parents, sizes], [kept])
         return
-    height = kept.shape[0]
+    height, width = kept.shape
     count = slabs(height, size)
-    labels = scratch("speckles.labels", (size,), wp.int32, device)
-    regions = [labels, parents, sizes]
-    launch_slabs(cpu.label_slab, height, count, [disparity, difference], regions)
-    launch(cpu.join_slabs, 1, [count, disparity, difference, labels], [parents, sizes])
-    launch_slabs(cpu.keep_regions, height, count, [disparity, min_size, *regions], [kept])
+    shape = height, -(-width // 64)
+    begins = scratch("speckles.begins", shape, wp.uint64, device)
+    joints = scratch("speckles.joints", shape, wp.uint64, device)
+    runs, trees = [width, begins, joints], [parents, sizes]
+    launch_slabs(cpu.mark, height, count, [disparity, difference], [begins, joints])
+    launch_slabs(cpu.join_slab, height, count, runs, trees)
+    launch(cpu.join_slabs, 1, [count, *runs], trees)
+    launch_slabs(cpu.keep, height, count, [disparity, min_size, begins, *trees], [kept])

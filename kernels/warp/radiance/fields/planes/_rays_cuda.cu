@@ -1,15 +1,15 @@
 #include "_samples.cu"
 
-// needs FIRST, SIDEWAYS, MOST, TILE, TOGETHER, TEXTURED, Path, Seen
+// needs FIRST, SIDEWAYS, MOST, TILE, TOGETHER, Path, Seen
 void walk(bool active, int ray, Path path, wp::array_t<float> planes,
           wp::array_t<wp::uint32> texels, wp::array_t<wp::uint8> filled, wp::uint64 sheet,
           int columns, float stop, Seen seen) {
     // A block of rays meets a list of planes: those with something in the part that its rays can
     // see. If all its rays meet TOGETHER planes away from their borders, the units for textures
-    // interpolate in TEXTURED of them, and integer products in the others, at the same time.
+    // interpolate in them, else integer products do.
     __shared__ float4 at[MOST + TOGETHER];        // inverse depths, depths, and places in the sheet
     __shared__ unsigned firsts[MOST + TOGETHER];  // bytes, for places that count from ORIGIN
-    __shared__ bool inner[MOST + TOGETHER];
+    __shared__ __align__(4) bool inner[MOST + TOGETHER];
     __shared__ float boxes[32][9];
     __shared__ unsigned kept[2][MOST / 32];
     const unsigned ORIGIN = 0x474000u;  // bits of 1.5 * 2^15, where a unit is 2^8 of the lowest
@@ -88,52 +88,63 @@ void walk(bool active, int ray, Path path, wp::array_t<float> planes,
     Walked w = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 1.0f};
     const int end = ahead ? listed : 0;
     for (int k = 0; k < end && w.through > stop; k += TOGETHER) {
-        float found[TOGETHER][4];
-        unsigned corners[TOGETHER][4], x[TOGETHER], y[TOGETHER];
         bool whole = true;
 #pragma unroll
-        for (int n = 0; n < TOGETHER; ++n) whole = whole && inner[k + n];
+        for (int n = 0; n < TOGETHER; n += 4)
+            whole = whole && *(const unsigned*)(inner + k + n) == 0x01010101u;
         // All loads come first, so that they wait together.
+        if (whole) {
+            float found[TOGETHER][4];
 #pragma unroll
-        for (int n = 0; n < TOGETHER; ++n) {
-            const bool read = whole && n < TEXTURED;
-            const float4 place = at[k + n];
-            float column = path.x + path.right * place.x, row = path.y + path.down * place.x;
-            bool inside = whole;
-            if (!whole) {
-                inside = k + n < end && place.x * path.eye < 1.0f && row >= -0.5f &&
-                         column >= -0.5f && row <= height - 0.5f && column <= width - 0.5f;
-                row = fminf(fmaxf(row, 0.0f), height - 1.0f);
-                column = fminf(fmaxf(column, 0.0f), width - 1.0f);
-            }
-            if (read) {
+            for (int n = 0; n < TOGETHER; ++n) {
+                const float4 place = at[k + n];
+                const float column = path.x + path.right * place.x + place.z;
+                const float row = path.y + path.down * place.x + place.w;
                 asm volatile("tex.2d.v4.f32.f32 {%0, %1, %2, %3}, [%4, {%5, %6}];"
                              : "=f"(found[n][0]), "=f"(found[n][1]), "=f"(found[n][2]),
                                "=f"(found[n][3])
-                             : "l"(sheet), "f"(column + place.z), "f"(row + place.w));
-                continue;
+                             : "l"(sheet), "f"(column), "f"(row));
             }
-            x[n] = __float_as_uint(column + start);
-            y[n] = __float_as_uint(row + start);
-            unsigned i = y[n] >> 8, j = x[n] >> 8;
-            if (!whole) i = min(i, ORIGIN + height - 2), j = min(j, ORIGIN + width - 2);
-            x[n] -= j << 8;
-            y[n] -= i << 8;
-            const unsigned from = 4u * (i * width + j) + firsts[k + n], under = from + 4u * width;
 #pragma unroll
-            for (int m = 0; m < 4; ++m) corners[n][m] = 0;
-            if (inside) {
-                corners[n][0] = __ldg((const unsigned*)(words + from));
-                corners[n][1] = __ldg((const unsigned*)(words + (size_t)from + 4));
-                corners[n][2] = __ldg((const unsigned*)(words + under));
-                corners[n][3] = __ldg((const unsigned*)(words + (size_t)under + 4));
-            }
+            for (int n = 0; n < TOGETHER; ++n) w.over(found[n], 1.0f, at[k + n].y, stop);
+            continue;
         }
+#pragma unroll 1
+        for (int first = k; first < k + TOGETHER; first += 4) {
+            unsigned corners[4][4], x[4], y[4];
 #pragma unroll
-        for (int n = 0; n < TOGETHER; ++n) {
-            const bool read = whole && n < TEXTURED;
-            if (!read) Walked::between(corners[n], x[n], y[n], found[n]);
-            w.over(found[n], read ? 1.0f : unit, at[k + n].y, stop);
+            for (int n = 0; n < 4; ++n) {
+                const float4 place = at[first + n];
+                float column = path.x + path.right * place.x;
+                float row = path.y + path.down * place.x;
+                const bool inside = first + n < end && place.x * path.eye < 1.0f && row >= -0.5f &&
+                                    column >= -0.5f && row <= height - 0.5f &&
+                                    column <= width - 0.5f;
+                row = fminf(fmaxf(row, 0.0f), height - 1.0f);
+                column = fminf(fmaxf(column, 0.0f), width - 1.0f);
+                x[n] = __float_as_uint(column + start);
+                y[n] = __float_as_uint(row + start);
+                const unsigned i = min(y[n] >> 8, ORIGIN + height - 2);
+                const unsigned j = min(x[n] >> 8, ORIGIN + width - 2);
+                x[n] -= j << 8;
+                y[n] -= i << 8;
+                const unsigned from = 4u * (i * width + j) + firsts[first + n];
+                const unsigned under = from + 4u * width;
+#pragma unroll
+                for (int m = 0; m < 4; ++m) corners[n][m] = 0;
+                if (inside) {
+                    corners[n][0] = __ldg((const unsigned*)(words + from));
+                    corners[n][1] = __ldg((const unsigned*)(words + (size_t)from + 4));
+                    corners[n][2] = __ldg((const unsigned*)(words + under));
+                    corners[n][3] = __ldg((const unsigned*)(words + (size_t)under + 4));
+                }
+            }
+#pragma unroll
+            for (int n = 0; n < 4; ++n) {
+                float found[4];
+                Walked::between(corners[n], x[n], y[n], found);
+                w.over(found, unit, at[first + n].y, stop);
+            }
         }
     }
     seen.color.data[3 * ray] = w.red;

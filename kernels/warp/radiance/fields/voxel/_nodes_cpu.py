@@ -18,6 +18,8 @@ class Kernels(NamedTuple):
 
     row: Any
     """A vector of this width."""
+    learnt: Any
+    """The structure of learnt rows."""
     adam: wp.Kernel
     total_variation: wp.Kernel
 
@@ -27,6 +29,15 @@ def kernels(width: int) -> Kernels:
     """Return the kernels for rows of `width` colour coefficients."""
     row = wp.types.vector(width, wp.float32)
     size = wp.constant(width)
+
+    @wp.struct
+    class Rows:
+        """Colour coefficients as `Learnt`, a row a node; each (N^3,)."""
+
+        gradients: wp.array[row]
+        mean: wp.array[row]
+        square: wp.array[row]
+        weights: wp.array[row]
 
     @wp.kernel
     def adam(
@@ -41,10 +52,7 @@ def kernels(width: int) -> Kernels:
         # outputs
         touched: wp.array[wp.uint8],  # (N^3,): set to 0
         density: Learnt,  # (N^3,)
-        gradients: wp.array[row],  # (N^3,), of colours, and so on
-        mean: wp.array[row],
-        square: wp.array[row],
-        weights: wp.array[row],
+        color: Rows,
     ):
         """Take a step of Adam at the touched nodes of planes."""
         # Both means of squares have the same age.
@@ -62,16 +70,16 @@ def kernels(width: int) -> Kernels:
                 density.square[node] = v
                 density.weights[node] = density.weights[node] - change
                 density.gradients[node] = 0.0
-                gs = gradients[node] * factor[0]
-                ms = rule.beta1 * mean[node] + (1.0 - rule.beta1) * gs
-                vs = rule.beta2 * square[node] + (1.0 - rule.beta2) * wp.cw_mul(gs, gs)
+                gs = color.gradients[node] * factor[0]
+                ms = rule.beta1 * color.mean[node] + (1.0 - rule.beta1) * gs
+                vs = rule.beta2 * color.square[node] + (1.0 - rule.beta2) * wp.cw_mul(gs, gs)
                 roots = row()
                 for c in range(size):
                     roots[c] = wp.sqrt(vs[c] * mend) + rule.epsilon
-                mean[node] = ms
-                square[node] = vs
-                weights[node] = weights[node] - of_color * wp.cw_div(ms, roots)
-                gradients[node] = row()
+                color.mean[node] = ms
+                color.square[node] = vs
+                color.weights[node] = color.weights[node] - of_color * wp.cw_div(ms, roots)
+                color.gradients[node] = row()
 
     @wp.kernel
     def variation(
@@ -108,4 +116,4 @@ def kernels(width: int) -> Kernels:
                 change = weight_color * (6.0 * color[node] - around)
                 d_color[node] = d_color[node] + change
 
-    return Kernels(row, adam, variation)
+    return Kernels(row, Rows, adam, variation)

@@ -157,8 +157,8 @@ def adam(
         launch(nodes.adam, count, [*rates, width], [*outputs, colors], nodes.BLOCK)
     else:
         kernels = planes.kernels(width)
-        rows = [view(a, kernels.row, (touched.size,)) for a in color]
-        launch_slabs(kernels.adam, side, _planes(side), [side, *rates], [*outputs, *rows])
+        rows = struct_of(kernels.learnt, (view(a, kernels.row, (touched.size,)) for a in color))
+        launch_slabs(kernels.adam, side, _planes(side), [side, *rates], [*outputs, rows])
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
