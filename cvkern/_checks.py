@@ -96,7 +96,7 @@ def _brief(value: Any) -> str:
 
 
 def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
-    """Return the items of a sequence; `rule` says what they should be."""
+    """Return the items of a sequence; `rule` describes them in the message."""
     try:
         # The items of a buffer would be Python's, of an array NumPy's: True is an integer or not.
         return tuple(np.asarray(values) if isinstance(values, memoryview) else values)
@@ -105,7 +105,7 @@ def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
 
 
 def check_rows_columns(shape: Any, of: str) -> tuple[Any, Any]:
-    """Return the two items of a shape; `of` says what is counted."""
+    """Return the two items of a shape; `of` names the counted things in the message."""
     try:
         rows, columns = shape
     except Exception:  # another library may raise anything when asked for its values
@@ -259,7 +259,7 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
 
 
 def check_instance(value: Any, kind: type, name: str) -> None:
-    """Refuse what is no instance of a class."""
+    """Refuse a value that is not an instance of a class."""
     if not isinstance(value, kind):
         raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
 

@@ -37,7 +37,7 @@ _thread = _Thread()
 
 
 class _Repeat:
-    """The launches of a call, and what its results are."""
+    """The launches of a call, and the kinds of its results."""
 
     def __init__(self, plan: Any, lib: Library, device: str, results: list[Any], kind: Any):
         self._plan, self._lib, self._device, self._kind = plan, lib, device, kind
@@ -85,7 +85,7 @@ def forget() -> None:
 
 
 def _place_of(image: Any) -> Any:
-    """Return what decides on the launches of a call: shape, dtype, device and stream.
+    """Return the properties that decide the launches of a call: shape, dtype, device and stream.
 
     Return None if `image` is no tensor on a GPU that kernels take as it is.
     """
@@ -101,7 +101,7 @@ def _place_of(image: Any) -> Any:
 
 
 def _noted(function: Callable[..., Any], args: Any, options: Any) -> tuple[Any, Any]:
-    """Return what a call returns, and its repetition, or False if there is none."""
+    """Return the result of a call, and its repetition, or False if it cannot be repeated."""
     image = args[0]
     results: list[Any] = []
     try:

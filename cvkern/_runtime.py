@@ -308,13 +308,13 @@ class Runtime(Folder):
         return self._set.record(call, self.device)
 
     def repeat(self, key: Any, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-        """Launch what `call`, its key and arrays determine; Warp on CUDA repeats it by a graph."""
+        """Launch `call`, which its key and arrays determine; Warp on CUDA repeats it by a graph."""
         self._set.repeat(key, call, arrays)
 
     def plan(self, call: Callable[[], Any], image: Any, results: list[Any]) -> tuple[Any, Any]:
-        """Return what `call` returns, and the plan of its launches, or None if there is none.
+        """Return the result of `call`, and the plan of its launches, or None if it has no plan.
 
-        `image` is all that it reads, and it lists in `results` the arrays that it allocates.
+        `call` reads `image` only, and lists the arrays that it allocates in `results`.
         """
         with self._set.noting() as notes:
             returned = call()

@@ -9,7 +9,7 @@ from cvkern._checks import check_photograph
 
 
 def one_by_one(function: Callable[..., Any], options: dict[str, Any], name: str = "image") -> Any:
-    """Return a list with what `function` gives for each image of a stack.
+    """Return a list with the result of `function` for each image of a stack.
 
     `options` are all arguments of `function` as the caller gave them; `name` is that of the stack.
     """

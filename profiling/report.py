@@ -1,7 +1,7 @@
 """Turn profiling/results/*.json into tables and a plot: ``python -m profiling.report``.
 
-They go to docs/measured.md and docs/ratios.svg. ``--check`` writes nothing and exits with 1 where
-they are not what the results say.
+They go to docs/measured.md and docs/ratios.svg. ``--check`` writes nothing, and exits with 1 if
+they are out of date.
 """
 
 from __future__ import annotations

@@ -123,7 +123,7 @@ def estimate_illuminant(
 
 
 def white_balance(image: Any, illuminant: Any) -> Any:
-    """Divide an image by the colour of its light, so that what is grey looks grey.
+    """Divide an image by the colour of its light, so that grey surfaces look grey.
 
     Parameters
     ----------

@@ -282,9 +282,9 @@ def _carried(table: np.ndarray, dtype: np.dtype) -> np.ndarray:
 
 
 def _stretched(least: int, most: int, count: int, top: float, step: int = 1) -> np.ndarray:
-    """Return what each of some levels, a step apart, becomes if `least` is 0 and `most` is `top`.
+    """Return the table that maps `least` to 0 and `most` to `top`, for levels a step apart.
 
-    If both are one level, it stays as it is, limited.
+    If both are equal, each level stays as it is, up to the limit.
     """
     levels = np.arange(count) * step
     least, most = least * step, most * step

@@ -145,7 +145,7 @@ def _reflectance(values: Any, name: str, count: int) -> np.ndarray:
 
 
 def _exact(paint: np.ndarray, same: np.ndarray, want: np.ndarray) -> np.ndarray:
-    """Take out what the solver's tolerance left, at wavelengths that are not at their bounds."""
+    """Remove the error of the solver's tolerance, at wavelengths that are not at their bounds."""
     paint = paint.clip(0, 1)
     for _ in range(3):
         free = (paint > 1e-6) & (paint < 1 - 1e-6)

@@ -134,7 +134,7 @@ def apply_matrix(
 
 
 def _to_xyz(space: str, white: np.ndarray) -> np.ndarray:
-    """Return the matrix from what the curve of a space leaves to XYZ."""
+    """Return the matrix from the linear colours of a space to XYZ."""
     if space in ("srgb", "rgb"):
         return TO_XYZ
     if space in ("lab", "lch"):

@@ -1,4 +1,4 @@
-"""Spectra of light and paint, and what observers make of them."""
+"""Spectra of light and paint, and the colours that observers see in them."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def spectrum_to_xyz(
     light: Any = "D65",
     observer: str = "cie1931",
 ) -> Any:
-    """Integrate spectra to what an observer sees.
+    """Integrate spectra to the colours that an observer sees.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def spectrum_to_xyz(
 
 
 def matching_weights(wavelengths: Any, light: Any, observer: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return wavelengths, and by what values there are multiplied and added up, (N, 3)."""
+    """Return wavelengths (N,), and the weights of the values there, (N, 3)."""
     check_choice(observer, tuple(OBSERVERS), "observer")
     grid = _grid(wavelengths)
     table = _table("observers")

@@ -239,7 +239,7 @@ def sizes_of(
         exact[end : end + len(start), :most] = SHARES * weights[:, :most].astype(np.float64)
         end += len(start)
     rounded = np.floor(exact + 0.5).astype(np.int64)
-    # The largest weight takes what rounding changed.
+    # The largest weight absorbs the rounding of all.
     rounded[np.arange(end), exact.argmax(axis=1)] += SHARES - rounded.sum(axis=1)
     return sides, starts, rounded.astype(np.uint8)
 

@@ -236,7 +236,7 @@ def medians(seen: Observations, model: Any) -> np.ndarray:
 
 
 def _seen_at(seen: Observations, model: Any, more: float = 0.0) -> tuple[np.ndarray, ...]:
-    """Return residuals and what they come from, with a lens that bends by `more`."""
+    """Return residuals and their inputs, with a lens that bends by `more`."""
     i, j = seen.pairs.T
     matrices, bend = model.matrices(), model.bend + more
     across = matrices[j] @ np.linalg.inv(matrices)[i]

@@ -24,7 +24,7 @@ class Blend(NamedTuple):
     """Inputs of the blending."""
 
     images: list[Any]
-    """The large images: arrays, or what `pixels` reads."""
+    """The large images: arrays, or objects that `pixels` reads."""
     sides: np.ndarray
     """(N, 2) int32: heights and widths."""
     bands: int

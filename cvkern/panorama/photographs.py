@@ -206,7 +206,7 @@ def _distances(one: _Points, other: _Points, i: np.ndarray, j: np.ndarray) -> np
 
 
 def _drawn(rt: Runtime, image: Any, matrix: np.ndarray, shape: tuple[int, ...]) -> tuple[Any, Any]:
-    """Return what the other camera sees of a photograph, and a mask of where it sees it."""
+    """Return a photograph as the other camera sees it, and a mask of the pixels that it sees."""
     height, width = image.shape
     middle = np.array([[(width - 1) / 2, (height - 1) / 2]])
     size = math.sqrt(_growth(matrix, middle)[0])
@@ -251,7 +251,7 @@ def _near(
 
 
 def _growth(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return by what a homography multiplies areas at points (N, 2)."""
+    """Return the factors by which a homography enlarges areas at points (N, 2)."""
     depth = points @ matrix[2, :2] + matrix[2, 2]
     with np.errstate(divide="ignore", over="ignore"):
         return np.abs(np.linalg.det(matrix) / depth**3)

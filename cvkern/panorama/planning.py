@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import (
+    as_items,
     as_numbers,
     check_choice,
     check_flag,
@@ -72,20 +73,31 @@ def check_focals(focal_lengths: Any, count: int) -> np.ndarray | None:
     return values
 
 
+def check_names(names: Any, count: int) -> list[str]:
+    """Return the names of so many images in messages: their indices if `names` is None."""
+    if names is None:
+        return [str(i) for i in range(count)]
+    called = list(as_items(names, "names", "a sequence of strings"))
+    if isinstance(names, str) or not all(isinstance(name, str) for name in called):
+        raise TypeError(f"names must be a sequence of strings, got {names!r}")
+    if len(called) != count:
+        raise ValueError(f"names must be as many as the {count} images, got {len(called)}")
+    return called
+
+
 def plan_panoramas(
     heap: Heap,
     links: list[Link],
     focals: np.ndarray | None,
     options: Options,
-    names: Sequence[str] | None = None,
+    called: Sequence[str],
 ) -> list[Plan]:
     """Align every panorama of the heap, and refuse those that are too large.
 
-    Messages call images by `names`, by default by their indices.
+    Messages call the images by the names `called`.
     """
     from cvkern.kernels._threads import cpu_threads
 
-    called = [str(i) for i in range(len(heap.images))] if names is None else names
     groups = connected(len(heap.images), [(link.first, link.second) for link in links])
     groups = [members for members in groups if len(members) > 1]
 

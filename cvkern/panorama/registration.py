@@ -56,7 +56,7 @@ class Heap(NamedTuple):
     """Images, and their small copies for the comparison."""
 
     images: list[Any]
-    """The images as given, (H, W) or (H, W, C): arrays, or what `pixels` reads."""
+    """The images as given, (H, W) or (H, W, C): arrays, or objects that `pixels` reads."""
     small: list[Any]
     """The same images, with at most `WORK_PIXELS` pixels each."""
     factors: np.ndarray

@@ -30,7 +30,7 @@ class Sources(NamedTuple):
     """The images of one panorama, reduced in size."""
 
     images: list[Any]
-    """(H, W, C) or (H, W): arrays, or what `pixels` reads."""
+    """(H, W, C) or (H, W): arrays, or objects that `pixels` reads."""
     factors: np.ndarray
     """Sides of these images over the sides of the large ones, (N, 2)."""
     white: float

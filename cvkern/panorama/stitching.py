@@ -13,7 +13,14 @@ from cvkern._runtime import Runtime, runtime
 from cvkern.panorama.blending import blend
 from cvkern.panorama.cropping import largest_rectangle
 from cvkern.panorama.drawing import Panorama, panorama_of, prepare
-from cvkern.panorama.planning import Options, Plan, check_focals, check_options, plan_panoramas
+from cvkern.panorama.planning import (
+    Options,
+    Plan,
+    check_focals,
+    check_names,
+    check_options,
+    plan_panoramas,
+)
 from cvkern.panorama.recognition import silent
 from cvkern.panorama.registration import Heap, Progress, check_heap, link_images, make_small
 
@@ -31,6 +38,7 @@ def stitch(
     focal_lengths: Any = None,
     max_pixels: int = MAX_PIXELS,
     data_range: float | None = None,
+    names: Sequence[str] | None = None,
     progress: Progress | None = None,
 ) -> list[Panorama]:
     """Make every panorama of an unordered set of images.
@@ -67,6 +75,8 @@ def stitch(
         A larger panorama is refused before anything is drawn.
     data_range : float, optional
         The value of white. By default the largest number of an integer dtype, else 1.
+    names : sequence of str, optional
+        What messages call the images, such as their files. By default their indices.
     progress : function, optional
         Called with the number of completed steps, the number of all steps, and the name of the next
         one.
@@ -80,11 +90,11 @@ def stitch(
     Raises
     ------
     TypeError
-        If an image does not hold real numbers.
+        If an image does not hold real numbers, or a name is no string.
     ValueError
         If there are no images, one is empty or of another shape, their dtypes differ, the arrays
-        are on several devices, an option is out of its range, or a panorama would have more than
-        `max_pixels`.
+        are on several devices, there are not as many `names`, an option is out of its range, or a
+        panorama would have more than `max_pixels`.
 
     Warns
     -----
@@ -115,9 +125,10 @@ def stitch(
     most = check_integer(max_pixels, "max_pixels", 1, MAX_ELEMENTS)
     options = check_options(surface, scale, crop, compensate, bands, most)
     focals = check_focals(focal_lengths, len(checked))
+    called = check_names(names, len(checked))
     say = progress or silent
     heap = make_small(checked, data_range)
-    plans = plan_panoramas(heap, link_images(heap, say), focals, options)
+    plans = plan_panoramas(heap, link_images(heap, say), focals, options, called)
     rt = runtime(*checked)
     found = []
     for number, plan in enumerate(plans):

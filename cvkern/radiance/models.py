@@ -247,7 +247,7 @@ def _tuples(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
-    """Make a model; each array is read once its shape is known to be what the settings imply."""
+    """Make a model; an array is read only after its shape agrees with the settings."""
     check_choice(header["field"], tuple(FIELDS), "field")
     settings = FIELDS[header["field"]](**_tuples(header["settings"]))
     b = header["bounds"]
@@ -309,7 +309,7 @@ def built(settings: Any, frame: Frame, seed: int, appearance: str | None) -> Fie
 
 
 def _extra(given: checkpoints.Stored, name: str, cameras: Cameras, numbers: int) -> np.ndarray:
-    """Return a colour, or numbers of each photograph, or what their optimizers need.
+    """Return a colour, or numbers of each photograph, or the state of their optimizers.
 
     `numbers` are those of the light of a photograph.
     """

@@ -7,10 +7,10 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
-from cvkern.radiance.trainer import Say
+Say = Callable[[float, str], None]  # takes the share that is done, and the next work
 
 LINE = 10.0  # seconds between lines of progress in a log
 

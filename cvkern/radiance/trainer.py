@@ -19,12 +19,12 @@ from cvkern.radiance.fields.hash import BETAS, EPSILON
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.logs import Look, Watch
 from cvkern.radiance.models import APPEARANCE, TRANSIENT, Mark, Model
+from cvkern.radiance.progress import Say
 from cvkern.radiance.rendering import evaluate, on_device, owned
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.wild.appearance import Appearance, fit_gauge
 from cvkern.radiance.wild.distractors import DISTRACTORS, Distractors
 from cvkern.radiance.wild.embeddings import Embedding
-from cvkern.radiance.wild.options import check_whole
 from cvkern.radiance.wild.transient import Passing
 
 LOOK = 16  # steps between checks of the device by the host
@@ -44,8 +44,6 @@ SAME = 0.5
 # photograph's light.
 GLOSS = 0.03
 FEW = 4  # held-out views of an evaluation during training
-
-Say = Callable[[float, str], None]  # the share that is done, and what it does
 
 
 class Trainer:
@@ -76,8 +74,6 @@ class Trainer:
         self.huber = HUBER if loss == "huber" else 0.0
         used, state = ~scene.test, model.training
         self.views = on_device(rt, model.frame, scene.cameras.select(used))
-        if self.field.whole:
-            check_whole(scene, spread, model)
         self.field.begin(self.views)
         count = self.field.rays
         images = scene.images[used]
@@ -342,7 +338,7 @@ class Trainer:
         return samples
 
     def look(self, quality: float, rate: float) -> Look:
-        """Return what there is to tell, and make the model ready to be looked at."""
+        """Return the state of the training, and make the model ready to render."""
         self.keep()
         state = self.model.training
         mark = state.marks[-1] if state.marks and state.marks[-1].step == state.step else None

@@ -240,8 +240,6 @@ def fit(
     elif resume:
         raise ValueError("checkpoint must be given to resume from, got None")
     wild = check_wild(scene, loss, Wild(appearance, gauge, robust, transient))
-    if field == "splats" or isinstance(field, SplatField):
-        check_whole(scene, spread, wild)
     places = check_devices(devices)
     if wild.robust and len(places) > 1:
         raise ValueError(f"robust must not go with several devices, got {len(places)}")
@@ -253,7 +251,8 @@ def fit(
     for place in places:
         with use(device=place):
             known = models[0].background if models else background  # warns once
-            models.append(_begin(scene, field, known, seed, wild, checkpoint if resume else None))
+            start = _begin(scene, field, known, seed, wild, spread, checkpoint if resume else None)
+            models.append(start)
     if deterministic:
         for one in models:
             one.field.make_deterministic()
@@ -303,7 +302,7 @@ def _told(text: str) -> None:
 def _watched(
     callback: Callable[[int, float, Model], Any] | None, write: logs.Write | None, model: Model
 ) -> logs.Watch | None:
-    """Return a function that writes what it is told to a log, and calls back."""
+    """Return a function that writes each step to a log, and calls the callback."""
     if callback is None and write is None:
         return None
     told = -1
@@ -337,6 +336,7 @@ def _begin(
     background: str | None,
     seed: int,
     wild: Wild,
+    spread: float,
     checkpoint: Any,
 ) -> Model:
     """Return a new model, or the one to continue with."""
@@ -367,6 +367,8 @@ def _begin(
                 raise ValueError(
                     f"checkpoint must be of the same {name}, got {found} instead of {asked}"
                 )
+        if model.field.whole:
+            check_whole(scene, spread, model)
         return model
     settings = suited(field) if field is None or isinstance(field, str) else field
     background = background or seen_behind(scene)
@@ -374,6 +376,8 @@ def _begin(
     behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = built(settings, frame, seed, wild.appearance)
+    if made.whole:
+        check_whole(scene, spread, wild)
     made.start(scene, {"background": background, **wild._asdict()})
     return Model(
         made, settings, background, behind, scene.cameras, seed,

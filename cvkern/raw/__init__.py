@@ -1,4 +1,4 @@
-"""Raw pictures: mosaics of colours, exposures, and what is made of them."""
+"""Raw pictures: mosaics of colours, exposures, and pictures made of them."""
 
 from cvkern.raw.alignment import Alignment, align_exposures
 from cvkern.raw.demosaicing import demosaic

@@ -34,10 +34,10 @@ def demosaic(raw: Any, pattern: str = "RGGB", method: str = "residual") -> Any:
     Returns
     -------
     array of shape (H, W, 3)
-        Red, green and blue, of the dtype of `raw`. Measured samples are kept, but for the last pass
-        of 'menon'. Integers are rounded half up and limited to the dtype; floats are not limited.
-        Equal in every bit on all devices, but for float16 and float64, which are worked on in
-        float32.
+        Red, green and blue, of the dtype of `raw`. Measured samples are kept, except by the last
+        pass of 'menon'. Integers are rounded half up and limited to the dtype; floats are not
+        limited. float16 and float64 are computed in float32. For all other dtypes, every bit is
+        equal on all devices.
 
     Raises
     ------
@@ -52,14 +52,13 @@ def demosaic(raw: Any, pattern: str = "RGGB", method: str = "residual") -> Any:
 
     Notes
     -----
-    'residual' is cvkern's own. Along rows and columns, and in windows around each pixel, it fits
-    a line between green and the other colour, takes from the line what it explains, and
-    interpolates the rest, as residual interpolation does [3]_. It differs in three ways. The slope
-    has a prior of 1, which counts as much as the line leaves unexplained: where colours are hardly
-    related by what was seen, their edges are taken to be the same. Differences between colours are
-    smoothed by how much of their change the texture explains. And the two directions are weighted
-    by how little these differences change, as are pairs of neighbours where red and blue are
-    interpolated. All of it scales with the values. Borders are mirrored.
+    'residual' is cvkern's own. Like residual interpolation [3]_, it fits a line between green and
+    the other colour in windows around each pixel, along rows and along columns, and interpolates
+    the residuals. It differs in three ways. First, the slope has a prior of 1 with the weight of
+    the residuals, so where colours are hardly correlated, their edges count as equal. Second,
+    differences between colours are smoothed more where texture explains their changes. Third, a
+    direction weighs more if these differences change little along it, as does a pair of neighbours
+    where red and blue are interpolated. The result scales with the values. Borders are mirrored.
 
     References
     ----------

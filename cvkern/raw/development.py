@@ -165,7 +165,7 @@ def fit_color_matrix(measured: Any, wanted: Any) -> np.ndarray:
         raise ValueError(f"measured must have shape (N >= 3, 3), got {measured.shape}")
     if wanted.shape != measured.shape:
         raise ValueError(f"wanted must have shape {measured.shape}, got {wanted.shape}")
-    # With the last column 1 less the others, what is left are two unknowns a row.
+    # The last column is 1 less the others, so each row has two unknowns.
     last = measured[:, 2:]
     two = np.linalg.lstsq(measured[:, :2] - last, wanted - last, rcond=None)[0]
     return np.vstack([two, 1 - two.sum(axis=0)]).T

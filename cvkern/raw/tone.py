@@ -1,4 +1,4 @@
-"""From radiance of any range to what a screen can show."""
+"""From radiance of any range to the range of a screen."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _curved(rt: Runtime, light: Any, key: float, ends: Ends, local: bool, out: A
 
 
 def _smoothed(rt: Runtime, logs: Any, ends: Ends, contrast: float) -> tuple[Any, ...]:
-    """Compress what a bilateral filter leaves, whose brightest becomes white."""
+    """Compress the image that a bilateral filter smoothed; its brightest value becomes white."""
     sigma = max(2.0, 0.02 * max(logs.shape))
     sums = _cleared(rt)
     base = bilateral(rt, logs, ends.low, ends.high - ends.low, sigma, RANGE, sums)

@@ -104,7 +104,7 @@ def check_scales(scales: Sequence[float] | None, usual: float) -> tuple[float, .
 def cut_all(
     pictures: list[np.ndarray], boxes: list[list[Box]], shape: tuple[int, int]
 ) -> np.ndarray:
-    """Return what is in the boxes of pictures, each at the size of the model."""
+    """Return the contents of the boxes of pictures, each at the size of the model."""
     found = []
     for picture, inside in zip(pictures, boxes, strict=True):
         for top, left, bottom, right in inside:

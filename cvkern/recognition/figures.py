@@ -58,7 +58,7 @@ class Painter(NamedTuple):
 
 
 def masks_of(found: Found) -> Any:
-    """Return the masks (N, H, W) of what was found, in the caller's library."""
+    """Return the masks (N, H, W) of the objects, in the caller's library."""
     rt, painter = found.rt, found.painter
     masks = rt.empty((found.number, *found.shape), np.bool_)
     if painter is not None and found.number:
@@ -73,7 +73,7 @@ def masks_of(found: Found) -> Any:
 
 
 def objects_of(found: Found, bias: int) -> Objects:
-    """Return what was found, in pixels."""
+    """Return the objects that were found, in pixels."""
     rt, count = found.rt, found.number
     shapes = (count, 4), (count,), (count, 2), (count,)
     if not count:

@@ -34,7 +34,7 @@ def write(path: str | os.PathLike[str], settings: Settings, fitted: Fitted) -> N
 
 
 def read(path: str | os.PathLike[str]) -> tuple[Settings, Fitted]:
-    """Read a model that :func:`write` wrote; refuse what is damaged."""
+    """Read a model that :func:`write` wrote; refuse a damaged one."""
     with _archives.opened(path, KIND) as (header, arrays):
         settings = _settings(header["settings"])
         shapes = {name: arrays.shape(name) for name in ARRAYS}

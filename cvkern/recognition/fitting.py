@@ -66,7 +66,7 @@ class Fitted(NamedTuple):
     bias: int
     """Evidence of an empty frame."""
     threshold: float
-    """Least score of what is found by default."""
+    """Least score of an object, by default."""
     usual: float = 1.0
     """Size of the median object that was learnt, in sizes of the model."""
 
@@ -175,7 +175,7 @@ def learn_evidence(
     firsts: list[tuple[int, int]],
     settings: Settings,
 ) -> Learnt:
-    """Learn weights by logistic regression, in rounds: each adds what was mistaken before.
+    """Learn weights by logistic regression, in rounds: each adds the mistakes of the one before.
 
     Objects come whole and half hidden. Negatives are places of the sheets, and places beside
     objects that are put into sheets.
@@ -233,7 +233,7 @@ def mistaken(
     floor: float,
     settings: Settings,
 ) -> Iterator[Window]:
-    """Yield the places of a scene with most evidence for an object where there is none."""
+    """Yield the places without an object that have the most evidence for one."""
     example, shape, place = scene
     space, _, _ = layout((shape[0], shape[1]), ZOOMS)
     given = zip(Patches._fields, (*example.places[1:], example.matches), strict=True)

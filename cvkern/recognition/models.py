@@ -137,7 +137,7 @@ class ShapeModel:
 
     @property
     def threshold(self) -> float | None:
-        """Least score of what is found by default."""
+        """Least score of an object, by default."""
         return None if self._fitted is None else self._fitted.threshold
 
     @property
@@ -166,8 +166,7 @@ class ShapeModel:
         masks : sequence of arrays of shape (H, W), optional
             Pixels of objects are not 0; for :meth:`segment`.
         negatives : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4), optional
-            Pictures without objects, which teach what is none. Small ones are mirrored at their
-            borders.
+            Pictures without objects, as counterexamples. Small ones are mirrored at their borders.
         data_range : float, optional
             The value of white. By default the largest number of an integer dtype, else 1.
 

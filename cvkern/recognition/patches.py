@@ -41,7 +41,7 @@ class Sampling(NamedTuple):
 
     @property
     def norm(self) -> int:
-        """Product of a patch with itself, but for rounding."""
+        """Product of a patch with itself, before rounding."""
         return SPREAD * SPREAD * self.side * self.side
 
     @property

@@ -55,7 +55,7 @@ def search(
     fitted: Fitted,
     painted: bool = False,
 ) -> Found:
-    """Return what is found in a picture; figures are painted if asked for."""
+    """Return the objects in a picture, with their figures if `painted`."""
     image, white = check_picture(image, "image", data_range)
     sizes = check_scales(scales, fitted.usual)
     least = fitted.threshold if threshold is None else check_number(threshold, "threshold")

@@ -117,7 +117,7 @@ Factors = Callable[[int], int]
 
 
 class Learnt(NamedTuple):
-    """Weights of evidence, and what is added to their sum."""
+    """Weights of evidence, and the constant that is added to their sum."""
 
     weights: np.ndarray
     bias: int
@@ -157,7 +157,7 @@ def occurrences_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Return starts and entries of the occurrences of `count` words, and their mean masks.
 
-    Weights of a word add up to `ONE`, but for what rounding takes.
+    Weights of a word add up to `ONE`, or a little less after rounding.
     """
     side = settings.sampling.side
     middle = settings.middle
@@ -202,7 +202,7 @@ def most_frequent(words: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def window_at(example: Example, place: np.ndarray, factors: Factors, settings: Settings) -> Window:
-    """Return what lies in the frame at a place (row, column, scale), as kernels find it."""
+    """Return the matches inside the frame at a place (row, column, scale), as kernels find them."""
     seen, side = example.places, settings.sampling.side
     axis = int(settings.width >= settings.height)
     parts = []
@@ -244,7 +244,7 @@ def columns(windows: list[Window], count: int, cells: int) -> scipy.sparse.csr_m
 
 
 def halves(windows: list[Window]) -> list[Window]:
-    """Return each window whole, and what is seen of it with either half hidden."""
+    """Return each window whole, with its left half hidden, and with its right half hidden."""
     found = list(windows)
     for window in windows:
         for seen in (window.high <= SEEN, window.low >= -SEEN):

@@ -72,7 +72,7 @@ def boxes_in(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the spans of modes and the sizes of boxes at each scale; `Hall` describes them.
 
-    A box of an object lies within the image, but for `OVERHANG` of its sides.
+    A box of an object may extend beyond the image by `OVERHANG` of its sides.
     """
     space, _, _ = layout(shape, scales)
     size = 2.0 ** ((np.arange(len(space.factors)) + space.lowest)[:, None] / OCTAVE)

@@ -134,7 +134,7 @@ def check_pairs(pairs: Any, count: int) -> str | np.ndarray:
 
 
 def plan_of(rt: Runtime, heap: Heap, lenses: list[Any], options: Options) -> dict[str, Any]:
-    """Return what a journal is of: the photographs, the options, and the version of the library."""
+    """Return the heading of a journal: the photographs, the options, the version of the library."""
     from cvkern import __version__
 
     given, *others = lenses

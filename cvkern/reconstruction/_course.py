@@ -54,7 +54,7 @@ class Course(NamedTuple):
 
 
 def find_models(course: Course, heap: Heap, lenses: Lenses) -> list[Growth]:
-    """Return what grew from photographs, the largest first; none if no pair of them has a base."""
+    """Return the models of the photographs, the largest first; none if no pair has a baseline."""
     found = _keypoints(course, heap)
     matched = _matches(course, found)
     begun = _begun(course, found, matched, lenses)

@@ -64,7 +64,7 @@ class Growth:
         self._straighten()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Return what changes while it grows."""
+        """Return copies of all that changes while the model grows."""
         failed = np.array(list(self.failed.items()), int).reshape(-1, 2)
         whole = {name: getattr(self, name).copy() for name in KEPT}
         tracks = {name: getattr(self.tracks, name).copy() for name in Tracks._fields[:-1]}
@@ -175,7 +175,7 @@ class Growth:
                 self.adjusted = now
 
     def settle(self, last: bool = False) -> bool:
-        """Adjust everything, leave out what does not fit, look for more; True if nothing changed.
+        """Adjust everything, remove outliers, look for more views; True if nothing changed.
 
         In the end, `last`, with more steps and all parameters of the lens.
         """

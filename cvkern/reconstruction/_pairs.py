@@ -231,8 +231,8 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
 
     Repeated things join photographs that have nothing in common: their turns do not close with
     those of other pairs. In each round, the pairs with the smallest share of triplets that close
-    are left out, if that is below a half. A plane has two turns that explain it: pairs of a plane
-    are kept, and have no say.
+    are left out, if that is below a half. Two turns explain a plane, so pairs of a plane are kept,
+    and do not count against others.
     """
     turns = np.full((count, count, 3, 3), np.nan)
     index = np.full((count, count), -1)
@@ -269,7 +269,7 @@ def consistent(pairs: list[Pair], count: int) -> list[Pair]:
 def agreeing(pairs: list[Pair], count: int) -> list[Pair]:
     """Leave out pairs whose turn contradicts the turns of all photographs together.
 
-    Pairs of a plane have no say, and stay: of their two motions, the one that fits is taken.
+    Pairs of a plane stay, but do not count: the one of their two motions that fits is taken.
     """
     told = [n for n, pair in enumerate(pairs) if pair.flat <= FLAT]
     if not told:

@@ -32,7 +32,7 @@ def nothing(names: tuple[str, ...], lenses: Lenses, heap: Heap) -> Reconstructio
 
 
 def finished(names: tuple[str, ...], growth: Growth, heap: Heap) -> Reconstruction:
-    """Return what has grown, in pixels of the photographs and a level world."""
+    """Return the finished model, in pixels of the photographs and in a level world."""
     tracks, placed = growth.tracks, growth.placed
     chosen = np.flatnonzero(growth.active)
     kept, point, counts = np.unique(tracks.track[chosen], return_inverse=True, return_counts=True)

@@ -274,7 +274,7 @@ _BYTES = dict(zip(COLMAP, (_cameras_bytes, _images_bytes, _points_bytes), strict
 
 
 def _frames(made: Reconstruction, images: str) -> dict[str, Any]:
-    """Return what ``transforms.json`` has; every frame names its lens if there are several."""
+    """Return the content of ``transforms.json``; frames name their lens if there are several."""
 
     def lens(n: int) -> dict[str, Any]:
         height, width = made.lenses[n].shape

@@ -74,7 +74,7 @@ def thresholds(
 
 
 def _lengths(tile: Any, read: Callable[[Any], tuple[Any, Any]], options: dict[str, Any]) -> Any:
-    """Return the bits of what thresholds are compared with, of the pixels of a tile, int32."""
+    """Return the bits of the lengths of gradients in a tile, int32; thresholds compare these."""
     (window,), beside = read(tile)
     image, checked = _checked(window, options | beside)
     rt = runtime(image, checked.around.mask)
@@ -113,7 +113,7 @@ class Seams:
 
     @staticmethod
     def split(states: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Return the edges that a tile decides, and what is left of it."""
+        """Return the edges that a tile decides, and the pixels that it leaves undecided."""
         states = np.ascontiguousarray(states)
         edges = flooded(states)
         return edges, Seams.left(states, edges)

@@ -41,8 +41,8 @@ def map_images(
 ) -> Report:
     """Apply a function to each of many image files, and write each result to a file.
 
-    A file that cannot be read, a function that fails, a disk that is full, or a worker that dies
-    ends nothing: the other files go on, and the report names each one. Results are written whole or
+    If a file cannot be read, the function fails, a disk is full, or a worker dies, the other files
+    continue, and the report names each failure. Results are written whole or
     not at all, so the same call after a run that was killed does only what is left.
 
     Parameters

@@ -40,13 +40,13 @@ class Journal:
         return self.folder is not None and next(self.folder.glob("*.npz"), None) is not None
 
     def note(self, part: int | str, kept: dict[str, np.ndarray]) -> None:
-        """Note that a part is finished, a tile for example, and keep what is needed of it."""
+        """Note that a part is finished, a tile for example, and keep the given arrays of it."""
         if self.folder is not None:
             with replacing(self.folder / f"{part}.npz") as beside, open(beside, "wb") as stream:
                 np.savez(stream, done=np.ones(1, bool), **kept)  # pyright: ignore[reportArgumentType]
 
     def kept(self, part: int | str) -> dict[str, np.ndarray] | None:
-        """Return what was kept of a finished part, or None; a damaged file is no finished part."""
+        """Return the arrays of a finished part, or None if it is missing or its file is damaged."""
         if self.folder is None or not (self.folder / f"{part}.npz").exists():
             return None
         try:

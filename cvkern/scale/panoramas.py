@@ -33,7 +33,7 @@ MAX_BYTES = 2**29
 DEFAULTS: dict[str, Any] = {
     name: option.default
     for name, option in signature(cvkern.stitch).parameters.items()
-    if name not in ("images", "crop", "progress")
+    if name not in ("images", "crop", "names", "progress")
 } | {"max_pixels": MAX_PIXELS}
 WRITTEN = re.compile(r"panorama-\d+(-mask)?\.(npy|tif|zarr)")
 
@@ -171,7 +171,7 @@ def stitch(
     folder.mkdir(parents=True, exist_ok=True)
     call = {"files": [_state(f) for f in files], "data_range": white, "backend": backend}
     book = Journal(journal, {"function": "stitch"} | call)
-    # Whoever changes how panoramas are drawn, because one is too large say, keeps the keypoints.
+    # Options of the drawing are noted apart: a call that changes only these keeps the keypoints.
     how = {"options": options, "suffix": suffix, "tile": tile}
     if (journal / "tiles").exists():
         Journal(journal / "tiles", how)  # refuses another drawing before any work
@@ -225,7 +225,7 @@ def _checked(given: dict[str, Any], count: int) -> tuple[Options, Any, float | N
 
 
 def _state(file: Path) -> list[Any]:
-    """Return what tells a file from another that takes its place."""
+    """Return the path, size and time of a file, which change if another takes its place."""
     try:
         found = file.stat()
     except OSError:

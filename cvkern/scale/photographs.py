@@ -1,4 +1,4 @@
-"""Photographs of a heap on disk: what is found in each is kept, their pixels are read again."""
+"""Photographs of a heap on disk: their keypoints are kept, their pixels are read again."""
 
 from __future__ import annotations
 

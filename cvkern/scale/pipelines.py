@@ -24,7 +24,7 @@ U = TypeVar("U")
 
 
 def ahead(parts: list[T], read: Callable[[T], U]) -> Iterator[tuple[T, U]]:
-    """Yield each part with what was read of it, while the next one is being read."""
+    """Yield each part with its pixels, while the next one is being read."""
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(read, parts[0]) if parts else None
         for n, part in enumerate(parts):
@@ -87,7 +87,7 @@ def told(
     read: Callable[[Tile], Read],
     progress: Callable[[int, int], object] | None,
 ) -> Iterator[tuple[Tile, np.ndarray, dict[str, np.ndarray]]]:
-    """Yield the tiles of one image with what was read, and tell how many are finished."""
+    """Yield the tiles of one image with their pixels, and tell how many are finished."""
     for n, (tile, ((window,), beside)) in enumerate(ahead(tiles, read)):
         yield tile, window, beside
         if progress:

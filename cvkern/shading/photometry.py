@@ -101,9 +101,9 @@ def photometric_stereo(
     These axes are the one exception to the rules of the library: y points up.
 
     `least_squares` gives the same bits with both kernel sets. The other methods compute in float64,
-    and agree up to the rounding of their float32 results; on a GPU, all but `sparse_bayes` sum up
-    in float32 and correct the solution by what it leaves: normals agree to 2e-5 at 99 % of the
-    pixels, and to 5e-3 where hardly more images than unknowns decide on the weights, and with `l1`,
+    and agree up to the rounding of their float32 results. On a GPU, all except `sparse_bayes` add
+    in float32 and then correct the solution by its residuals: normals agree to 2e-5 at 99 % of the
+    pixels. They agree to 5e-3 where there are hardly more images than unknowns, and with `l1`,
     whose weights of small residuals jump.
 
     References

@@ -19,8 +19,8 @@ FLAT = 0.05  # least z of a normal; steeper slopes are limited to that of this z
 FIRST, INNER = 300, 10  # sweeps before the first integration of depth, and between two of them
 TOLERANCE = 1e-3
 # Steps of an integration between sweeps. Bodies take 4 and photographs up to 33; masks of scattered
-# pixels, whose thin bridges no coarse level shows, took 130 each time. The next round goes on where
-# one ends, and the last round has no such limit.
+# pixels, whose thin bridges no coarse level shows, took 130 each time. The next round continues
+# from the result of this one, and the last round has no such limit.
 MOST_STEPS = 40
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_integer, check_number, check_sides
 from cvkern._runtime import Runtime, refuse_capture, runtime
+from cvkern.kernels.codes.structured_light import Decoded, Fringes
 from cvkern.structured_light._frames import (
     carried_as,
     grid_step,
@@ -137,8 +138,8 @@ def decode_phase_shift(
     for n, axis in enumerate(axes):
         size = width if axis == "columns" else height
         rt.structured_light.phase.decode(
-            frames, n * each, numbers, waves, size, least, n > 0,
-            rt.adopt(places[n]), planes[0][n], planes[1][n], good,
+            frames, n * each, Fringes(numbers, waves, size, least, n > 0),
+            Decoded(rt.adopt(places[n]), planes[0][n], planes[1][n], good),
         )  # fmt: skip
     if threshold is None:  # the default depends on the modulations
         strengths = planes[1][0], planes[1][-1]

@@ -69,10 +69,10 @@ class Frame(NamedTuple):
     """The box of an object at scale 0, in places, and its cells of evidence."""
 
     layers: Any
-    """For patches of each size, (B, 6) int32: half height and width of what their middles lie in
-    to be evidence, at their own scale; cells down and along; scale; first cell."""
+    """For patches of each size, (B, 6) int32: half height and width of the box in which the middles
+    of patches are evidence, at their own scale; cells down and along; scale; first cell."""
     box_height: int
-    """Half of what an object explains: its whole box."""
+    """Half sizes of the part that an object explains: its whole box."""
     box_width: int
 
 

@@ -86,3 +86,18 @@ class Lists(NamedTuple):
     """The numbers of these entries, (E,) int32."""
     ranges: Any
     """The first of the entries of each tile, and the one after the last, (T + 1,) int32."""
+
+
+class Tiles(NamedTuple):
+    """A picture in tiles, and the splats of each tile."""
+
+    shown: Any
+    """That of `Screen`."""
+    entries: Any
+    sources: Any
+    ranges: Any
+    """Those of `Lists`."""
+    width: int
+    height: int
+    stop: float
+    """The share of light at which a ray ends."""

@@ -146,7 +146,7 @@ def own_scratch(scratch: dict[Any, Any]) -> contextlib.AbstractContextManager[No
 
 
 def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[Any]) -> None:
-    """Launch what `call` launches: Taichi has no graphs."""
+    """Make the call each time: Taichi has no graphs."""
     call()
 
 

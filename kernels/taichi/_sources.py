@@ -20,7 +20,7 @@ _FOLDER = os.path.dirname(os.path.abspath(__file__)) + os.sep
 
 
 def read_once() -> None:
-    """Replace these functions of Taichi; for the code of others they do what they did."""
+    """Replace these functions of Taichi; for the code of others they act as before."""
     context = getattr(ast_transformer_utils, "ASTTransformerContext", None)
     _replace(context, "get_pos_info", _undrawn)
     _replace(kernel_impl, "getsourcelines", functools.cache)
@@ -46,7 +46,7 @@ def _undrawn(drawn: Callable[..., str]) -> Callable[..., str]:
 
 
 def _classless(searched: Callable[..., bool]) -> Callable[..., bool]:
-    """Return what knows that no kernel of ours is in a class.
+    """Return a replacement of `searched` for functions that are in no class, as all our kernels.
 
     The class, if there is one, is that many calls up; the function is decorated one call before.
     """

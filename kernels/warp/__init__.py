@@ -192,7 +192,7 @@ def release_memory() -> None:
 
 
 def repeat(key: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
-    """Launch what `call` launches; on CUDA from the second time on as one graph.
+    """Make the call; on CUDA, repeat its launches as one graph from the second time on.
 
     All that `call` does must follow from its key and from the addresses and shapes of the arrays,
     which include its inputs and all scratch memory that is used after it.

@@ -1,4 +1,4 @@
-"""The place of what a thread of a block on CUDA lists, behind what earlier threads list."""
+"""The place of the items that a thread lists on CUDA: behind those of earlier threads."""
 
 import warp as wp
 

@@ -39,7 +39,7 @@ _thread = _Thread()
 
 
 def repeat(name: Hashable, call: Callable[[], None], arrays: Sequence[wp.array]) -> None:
-    """Launch what `call` launches, from the second time on as one graph.
+    """Make the call, and repeat its launches as one graph from the second time on.
 
     All that `call` does must follow from its name and from the addresses and shapes of the arrays.
     """

@@ -70,7 +70,7 @@ def lend(array: wp.array) -> Any:
 
 
 def _give_back(array: wp.array) -> None:
-    """Note what this thread has launched until now."""
+    """Return a loan: note the event after which the work of this thread no longer needs it."""
     stream = current_stream(array.device)
     if stream.is_capturing:
         _recorded.append(array)

@@ -1,12 +1,12 @@
 """Where does a training step go? ``python -m profiling.experiments.radiance_steps``
 
-Trains a field on the library's own scene, or on the one in SCENE, then times each primitive of one
-more step by itself, and adds up what goes forth and what goes back. Beside each stand the bytes
-that it streams (its arrays of rays, samples and parameters, once each) and those that it gathers
-or scatters (eight corners of each sample's cells), and their sum over the time as a share of the
-rate of a plain copy; that is above 100 % where caches hold a table. Writes
-profiling/results/radiance_steps_FIELD_DEVICE.json, or, with ``--deterministic``, which shows what
-training costs that is equal from run to run on a GPU, radiance_steps_FIELD_deterministic_DEVICE.
+Trains a field on the library's own scene, or on the one in SCENE. Then it times each primitive of
+one more step by itself, and adds up those of the forward and of the backward pass. A row has the
+bytes that a primitive streams (its arrays of rays, samples and parameters, once each), the bytes
+that it gathers or scatters (eight corners of each sample's cells), and the rate of both together as
+a share of the rate of a plain copy. This share is above 100 % where caches hold a table. Writes
+profiling/results/radiance_steps_FIELD_DEVICE.json. ``--deterministic`` measures training that is
+equal from run to run on a GPU, for radiance_steps_FIELD_deterministic_DEVICE.json.
 """
 
 from __future__ import annotations

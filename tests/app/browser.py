@@ -33,7 +33,7 @@ class Tab:
                 return said["result"]
 
     def picture(self):
-        """Return what the page shows, (H, W, 3)."""
+        """Return a screenshot of the page, (H, W, 3)."""
         data = self.call("Page.captureScreenshot", format="png")["data"]
         return iio.imread(io.BytesIO(base64.b64decode(data)), extension=".png")[..., :3]
 

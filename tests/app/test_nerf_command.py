@@ -12,6 +12,7 @@ import pytest
 
 import cvkern
 from cvkern.app import cli
+from cvkern.app.commands._scenes import within
 from cvkern.images import read_image, write_image
 from cvkern.radiance import (
     VoxelField,
@@ -322,10 +323,13 @@ def test_train_takes_bounds_and_settings(command, folder, tmp_path):
     assert made.frame.bounds == ((0.1, 0.2, 0.3), 2.0, False)
     assert (made.frame.near, made.frame.far) == (0.5, 3.5)  # in halves of the side
     assert (made.settings.resolutions, made.settings.degree) == ((16,), 1)
+    with pytest.warns(UserWarning, match="100% of the cameras look past the scene's cube"):
+        within(load_scene(folder), "90,90,90,1", None, None)
     for wrong, rule in (
         (["--bounds", "1,2"], "bounds must be X,Y,Z,HALF, got '1,2'"),
         (["--set", "degree"], "set must be NAME=VALUE with a number, got 'degree'"),
         (["--set", "colour=1"], "set must be one of"),
+        (["--set", "resolutions=32"], "shares must be 0 numbers, got 1"),
     ):
         code, _, said = command("train", folder, "-o", tmp_path / "b.npz", "--steps", 1, *wrong)
         assert code != 0

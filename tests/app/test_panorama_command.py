@@ -53,6 +53,9 @@ def test_panorama(command, photographs, tmp_path):
     code, _, error = command("panorama", photographs, "-o", tmp_path / "out")
     assert code == 2
     assert "--overwrite replaces them" in error
+    code, _, error = command("panorama", photographs, "-o", tmp_path / "b", "--max-pixels", "1000")
+    assert code == 2
+    assert "of the panorama of images a.jpg, b.jpg, c.jpg, got 1000" in " ".join(error.split())
     stale = tmp_path / "out" / "panorama-7.png"
     write_image(stale, image)
     code, _, _ = command(

@@ -92,6 +92,9 @@ def test_circles(command, photo, tmp_path):
     assert list(line) == list(row) == ["row", "column", "radius", "support"]
     np.testing.assert_allclose([float(v) for v in line.values()], want, rtol=1e-6)
     assert "drawn.png: 1 circles\nrow 31.3" in out
+    code, again, _ = command("circles", photo, "-o", tmp_path / "again.png")
+    assert (code, len(cvkern.detect_circles(read_image(photo)).radii)) == (0, 1)
+    assert "again.png: 1 circles\nrow 31.3" in again
     drawn = read_image(tmp_path / "drawn.png")
     assert drawn.shape == (60, 70, 3)
     assert (drawn[31, 51] != drawn[31, 51, 0]).any()  # on the circle, the colour

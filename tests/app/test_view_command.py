@@ -9,6 +9,7 @@ import pytest
 import skimage.data
 
 import cvkern
+from cvkern.app.commands import view
 from cvkern.clouds import write_ply
 from cvkern.radiance import SplatField, VoxelField, fit, make_scene, write_splats
 from tests.app.browser import PATIENCE, opened
@@ -105,7 +106,7 @@ def test_bars_keep_the_aspect():
 
 @pytest.mark.parametrize("kind", ["photo", "cloud", "map", "splats"])
 def test_the_command(command, photo, tmp_path, monkeypatch, kind):
-    """It listens on this machine only."""
+    """It listens on this machine only, and reads a picture once."""
     if kind == "splats":
         scene = make_scene(train=2, test=0, size=12)
         made = fit(scene, SplatField(splats=9, start="random"), steps=1, progress=False)
@@ -116,8 +117,11 @@ def test_the_command(command, photo, tmp_path, monkeypatch, kind):
     file = photo if kind == "photo" else tmp_path / names[kind]
     monkeypatch.setattr(Page, "wait", lambda page, serve: (serve(), page.close()))
     given = ("--focal", 900, "--baseline", 0.1) if kind == "map" else ()
+    read, values = [], view._values
+    monkeypatch.setattr(view, "_values", lambda file: read.append(file) or values(file))
     code, said, _ = command("view", file, "--port", 8650, *given)
     assert code == 0
+    assert read == ([file] if kind in ("photo", "map") else [])
     assert said == "http://127.0.0.1:8650: open it in a browser; Ctrl-C ends\n"
 
 

@@ -96,7 +96,7 @@ def test_documented_defaults_are_true(name):
 
 
 def shape_of(text, image):
-    """Return what "(H, W)" or "the shape of `image`" amounts to; None where any size will do."""
+    """Return the shape that "(H, W)" or "the shape of `image`" means; None for any size."""
     sizes = {"H": image.shape[0], "W": image.shape[1], "2": 2, "3": 3, "4": 4}
     if "shape of `image`" in text or "shape and dtype of `image`" in text:
         return image.shape

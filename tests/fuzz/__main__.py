@@ -1,4 +1,4 @@
-"""Call functions at random, in processes that may crash or hang, and report what should not be.
+"""Call functions at random, in processes that may crash or hang, and report their faults.
 
 ``python -m tests.fuzz --calls N --seed S`` makes the calls 0 to N - 1 of that seed; ``--first I``
 goes on from there, ``--only I`` makes one call. ``--workers W`` makes them in so many processes,

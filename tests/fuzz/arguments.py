@@ -142,7 +142,7 @@ def disguised(draw: Draw, value: np.ndarray) -> Any:
 
 
 def begin(seed: int, index: int) -> Draw:
-    """Return what the call of this number is drawn with."""
+    """Return the random state of the call of this number."""
     rng = np.random.default_rng((seed, index))
     sides = [int(n) for n in rng.choice([1, 1, 2, 3, 5, 8, 17, 33, 40, 64, 70, 130], 2)]
     return Draw(rng, (sides[0], sides[1]), int(rng.integers(2**31)))

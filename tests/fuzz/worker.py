@@ -48,7 +48,7 @@ def contestants(device: str) -> list[tuple[str, str]]:
 
 
 def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> Any:
-    """Return what a call gives, or the exception that leaves it."""
+    """Return the result of a call, or its exception."""
     with cvkern.use(backend=backend, device=device), warnings.catch_warnings():
         warnings.simplefilter("error")
         for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
@@ -111,7 +111,7 @@ def fault_of(
 
 
 def wrong_error(name: str, got: Any) -> str:
-    """Return what is wrong with an exception, or nothing."""
+    """Return the fault of an exception, or an empty text."""
     if not isinstance(got, Exception):
         return ""
     documented = type(got).__name__ in (CALLS[name].function.__doc__ or "")
@@ -219,7 +219,7 @@ def make(seed: int, index: int, device: str, family: str) -> dict[str, Any]:
 
 
 def timed(name: str, arguments: dict[str, Any], device: str, again: bool, seeking: bool) -> str:
-    """Return what was wrong with a call, or with the memory and the time that it took."""
+    """Return the fault of a call, of its memory, or of its time."""
     held, since = peak(), time.process_time()
     fault = fault_of(name, arguments, device, again, seeking)
     grown, took = peak() - held, time.process_time() - since

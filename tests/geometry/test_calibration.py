@@ -23,7 +23,7 @@ TURN, SHIFT = turned(np.array([0.02, -0.05, 0.01])), np.array([-90.0, 2, 5])
 
 
 def views(count=8, noise=0.0, seed=0):
-    """Return what both cameras see of a board, and where it stood."""
+    """Return the corners of a board in both cameras, and its poses."""
     rng = np.random.default_rng(seed)
     turns = [turned(rng.uniform(-0.6, 0.6, 3) * (1, 1, 0.5)) for _ in range(count)]
     shifts = rng.uniform((-160, -110, 480), (-60, -50, 700), (count, 3))

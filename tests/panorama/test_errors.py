@@ -1,4 +1,4 @@
-"""What panoramas refuse, by the whole message."""
+"""Every error of panoramas, by the whole message."""
 
 import numpy as np
 import pytest
@@ -33,6 +33,11 @@ OPTIONS = [
      {"focal_lengths": [1, 2]}),
     (ValueError, "focal_lengths must be > 0 and finite, or NaN, got others", ([IMAGE],),
      {"focal_lengths": [-1.0]}),
+    (ValueError, "names must be as many as the 1 images, got 2", ([IMAGE],),
+     {"names": ["a.png", "b.png"]}),
+    (TypeError, "names must be a sequence of strings, got 'a'", ([IMAGE],), {"names": "a"}),
+    (TypeError, "names must be a sequence of strings, got [3]", ([IMAGE],), {"names": [3]}),
+    (TypeError, "names must be a sequence of strings, got 3", ([IMAGE],), {"names": 3}),
 ]  # fmt: skip
 PAIRS = [
     (ValueError, "image1 must have 3 or 4 channels, got shape (4, 5, 2)",

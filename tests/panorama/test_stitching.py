@@ -1,4 +1,4 @@
-"""Heaps of rendered photographs: which belong together, and what they make."""
+"""Heaps of rendered photographs: their groups, and their panoramas."""
 
 import re
 
@@ -259,7 +259,7 @@ def test_tiles_do_not_show(sheet, monkeypatch):
     monkeypatch.setitem(blending.TILES, "cpu", 96)
     (tiled,) = cvkern.stitch(sheet, bands=3)
     np.testing.assert_array_equal(whole.mask, tiled.mask)
-    # Far from a tile its coarsest band is not known; what that leaves is below a grey value.
+    # Far from a tile its coarsest band is unknown; the error is below a grey value.
     assert np.abs(whole.image.astype(int) - tiled.image).max() <= 1
 
 
@@ -324,3 +324,5 @@ def test_a_panorama_that_is_too_large_is_refused_before_it_is_drawn(sheet, monke
     assert 430 < width < 480
     assert 220 < height < 270
     assert "of images 0, 1, got 50000: scale makes it smaller, and 0." in said
+    with pytest.raises(ValueError, match=r"the panorama of images left\.png, right\.png, got"):
+        cvkern.stitch(sheet[:2], max_pixels=50_000, names=["left.png", "right.png"])

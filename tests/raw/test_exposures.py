@@ -91,7 +91,7 @@ def test_robertson_is_the_stated_iteration():
 
 
 def test_wrong_values_hardly_bend_the_curve():
-    """What moved, or lost its colour in a file: 0.16 stops off if all values counted alike."""
+    """Values of what moved, or lost its colour; with equal weights they cost 0.16 stops."""
     images, _, true = scene(gamma, 1)
     wrong = images.copy()
     wrong[1, :9], wrong[2, :, :12] = 20, 6
@@ -156,7 +156,7 @@ def test_what_is_just_so_many_stops_away_counts(backend, value):
 
 
 def test_the_middle_exposure_tells_what_moved(backend):
-    """What only the middle one of five shows stays; what only another one shows goes."""
+    """Light that only the middle one of five shows stays; light that only another shows goes."""
     times = [4, 0.25, 1, 0.5, 2]
     images = np.stack([np.full((5, 6), 0.05 * t) for t in times])
     images[2, 1, 1], images[1, 3, 3], images[4, 3, 4] = 0.1, 0.05, 0.02
@@ -289,7 +289,7 @@ def test_alignment(backend):
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float64])
 def test_both_sets_move_alike(dtype):
-    """In colour, with odd sides, out of reach of each other in part: what is moved is NumPy's."""
+    """In colour, with odd sides, partly out of reach of each other, against NumPy's moves."""
     rng = np.random.default_rng(7)
     soft = cv2.GaussianBlur(rng.random((71, 93, 3)), (0, 0), 3)
     images = np.stack([np.roll(soft * t, m, (0, 1)) for t, m in ((1, (4, -7)), (2, (0, 0)))])

@@ -44,7 +44,7 @@ def matched(names):
 
 
 def grown(found, matches, told=True, fixed=False, focal=scenes.FOCAL):
-    """Return what grows from keypoints and matches."""
+    """Return the model that grows from keypoints and matches."""
     row = lens_row(scenes.camera(focal))
     lenses = Lenses(row[None], np.zeros(len(found), int), np.array([told]), fixed)
     say = lambda *given: None  # noqa: E731

@@ -85,7 +85,7 @@ def test_linearise(kernels, size, loss, behind):
 
 
 def step(kernels, scenery, sightings, size, damping):
-    """Return what the primitives give for one step, with made-up steps of views."""
+    """Return the results of the primitives for one step, with made-up steps of views."""
     count, views, points = len(sightings.ends), len(scenery.views), len(scenery.points)
     slopes = Slopes(*kernels(
         "reconstruction.adjustment.linearise", scenery, sightings, int(Loss.CAUCHY), 2.0,

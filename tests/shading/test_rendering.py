@@ -129,7 +129,7 @@ def test_gradients_by_differences(backend, kind, shadows, sky):
 
 
 def _sky_basis(x, y, z):
-    """Return what a sky's coefficients are multiplied by, for normals of any length."""
+    """Return the factors of a sky's coefficients, for normals of any length."""
     a = np.sqrt(1 / (4 * np.pi))
     b, c = 2 / 3 * np.sqrt(3 / (4 * np.pi)), 1 / 4 * np.sqrt(15 / (4 * np.pi))
     d = 1 / 4 * np.sqrt(5 / (16 * np.pi))

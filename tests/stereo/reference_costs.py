@@ -13,7 +13,7 @@ def continued(image, radius_y, radius_x, shift=0):
 
 
 def between(image, radius_y, radius_x, shift):
-    """Return what `continued` does, and the least and largest value half way to the neighbours."""
+    """Return the result of `continued`, and the least and largest value half way to neighbours."""
     before, here, behind = (continued(image, radius_y, radius_x, shift + s) for s in (1, 0, -1))
     halves = [before + here, here + behind]
     halves = [h // 2 if h.dtype.kind == "i" else h / 2 for h in halves]

@@ -361,7 +361,7 @@ def test_a_noisy_plane_comes_out_flat(backend):
 @pytest.mark.parametrize("name", ["torch", "warp", "jax", "cupy"])
 def test_arrays_of_other_libraries(name):
     if name == "cupy":
-        pytest.skip("needs a CUDA device: tests/test_cuda_stereo.py")
+        pytest.skip("needs a CUDA device: tests/stereo/test_cuda.py")
     xp = pytest.importorskip(name)
     costs, guide = volume(9, 12, 20, dtype=np.uint16), shades(9, 12)
     give = {"torch": lambda a: xp.from_numpy(a), "warp": lambda a: xp.array(a, device="cpu"),

@@ -35,7 +35,7 @@ def matched(left, right, disparities, window, subpixel=Subpixel.PARABOLA, unique
 
 
 def winners(costs, first, subpixel, uniqueness):
-    """Return what the primitives `pick` and `pick_right` find among stored costs."""
+    """Return the winners of the primitives `pick` and `pick_right` among stored costs."""
     rt = runtime(costs)
     results = filled(costs.shape[:2])
     views = [rt.adopt(a, a.dtype) for a in results]

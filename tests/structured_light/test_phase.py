@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import cvkern
+from cvkern.kernels.codes.structured_light import Decoded, Fringes
 from tests.structured_light import reference_structured_light as reference
 from tests.truth import truth
 
@@ -26,9 +27,11 @@ def test_decode(kernels, shape, dtype):
         frequencies = np.array(frequencies, F32)
         count = steps * len(frequencies)
         frames = rng.integers(0, 256, (begin + count, *shape)).astype(dtype)
+        real = shape, F32
         got = kernels(
-            "structured_light.phase.decode", frames, begin, frequencies, waves(steps), 640, 30.0,
-            begin > 0, out=[*[(shape, F32)] * 3, before],
+            "structured_light.phase.decode", frames, begin,
+            Fringes(frequencies, waves(steps), 640, 30.0, begin > 0),
+            out=[Decoded(real, real, real, before)],
         )  # fmt: skip
         want = reference.phases(frames[begin:], frequencies, waves(steps), 640)
         for a, b in zip(got, want, strict=False):

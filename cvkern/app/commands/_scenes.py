@@ -26,13 +26,17 @@ def within(scene: Any, bounds: str | None, near: float | None, far: float | None
     from dataclasses import replace
 
     from cvkern.radiance import Bounds
+    from cvkern.radiance.scenes._blender import warn_of_past
 
     if bounds is not None:
         try:
             x, y, z, half = map(float, bounds.split(","))
         except ValueError:
             raise ValueError(f"bounds must be X,Y,Z,HALF, got {bounds!r}") from None
-        scene = replace(scene, bounds=Bounds((x, y, z), half, scene.bounds.unbounded))
+        cube = Bounds((x, y, z), half, scene.bounds.unbounded)
+        scene = replace(scene, bounds=cube)
+        if not cube.unbounded:
+            warn_of_past(scene.cameras, cube, "", "give other bounds")
     given = {name: value for name, value in (("near", near), ("far", far)) if value is not None}
     return replace(scene, **given) if given else scene
 
@@ -56,7 +60,8 @@ def with_settings(field: str | None, settings: list[str]) -> Any:
             value = text if "str" in types[name] else json.loads(text)
         except ValueError:
             raise ValueError(f"set must be NAME=VALUE with a number, got {setting!r}") from None
-        found[name] = tuple(value) if isinstance(value, list) else value
+        several = "tuple" in types[name] and not isinstance(value, list)
+        found[name] = (value,) if several else tuple(value) if isinstance(value, list) else value
     return replace(made, **found)
 
 

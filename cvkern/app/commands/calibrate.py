@@ -145,7 +145,7 @@ def _paired(lefts: list[Path], rights: list[Path], left: str, right: str) -> lis
 
 
 def _wild(name: str, glob: str) -> str:
-    """Return what the wildcards of a pattern stand for in a name."""
+    """Return the parts of a name that match the wildcards of a pattern."""
     pattern = re.escape(Path(glob).name).replace(r"\*", "(.*)").replace(r"\?", "(.)")
     found = re.fullmatch(pattern, name)
     return "/".join(found.groups()) if found else ""

@@ -32,9 +32,13 @@ def circles(
     photo: Photo,
     output: Drawing,
     radius: Annotated[
-        tuple[float, float],
-        typer.Option(metavar="LOW HIGH", help="Smallest and largest radius, pixels."),
-    ],
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="LOW HIGH",
+            help="Smallest and largest radius, pixels.",
+            show_default="1/40 and 1/2 of the shorter side",
+        ),
+    ] = None,
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the Gaussian, reduced image's pixels.")
     ] = 2.0,

@@ -72,7 +72,7 @@ def pair(
 
 
 def _writers(found: PairReconstruction) -> dict[str, tuple[Callable[[Path], object], str]]:
-    """Return writers by the name of the file, with what is in it."""
+    """Return the writer and the content of each file, by its name."""
     from cvkern._files import write_text
     from cvkern.clouds import turntable, write_animation, write_ply
     from cvkern.images.files import write_image

@@ -105,7 +105,7 @@ def panorama(
         known = None if np.isnan(lengths).all() else lengths
         made = cvkern.stitch(
             images, surface=surface, scale=scale, crop=crop, compensate=compensate,
-            focal_lengths=known, max_pixels=max_pixels,
+            focal_lengths=known, max_pixels=max_pixels, names=names,
             progress=lambda done, total, text: bar.update(
                 task, completed=done, total=total, description=text
             ),
@@ -191,7 +191,7 @@ def _report(
 
 
 def _make_alike(images: list[np.ndarray]) -> dict[int, np.dtype]:
-    """Convert images in place to the dtype of most, of equals the widest; return what others had.
+    """Convert images in place to the commonest dtype, if tied the widest; return the old dtypes.
 
     White stays white: the largest number of an integer dtype, and 1 of floats.
     """
@@ -210,7 +210,7 @@ def _size(one: Any) -> str:
 
 
 def _entry(one: Any, names: list[str], file: str) -> dict[str, Any]:
-    """Return what the report has of a panorama; what it has no number for is null."""
+    """Return the entry of a panorama in the report; unknown numbers are null."""
 
     def numbers(array: np.ndarray) -> Any:
         return None if np.isnan(array).any() else array.astype(np.float64).round(9).tolist()

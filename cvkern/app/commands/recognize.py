@@ -167,7 +167,7 @@ def find(
 
 
 def drawn(image: np.ndarray, found: Any) -> np.ndarray:
-    """Return a picture with the boxes of what was found."""
+    """Return a picture with the boxes of the objects that were found."""
     from cvkern.images.drawing import draw_lines
 
     for top, left, bottom, right in found.boxes - 0.5:

@@ -145,7 +145,7 @@ def _folder(
 
 
 def _option(word: str) -> tuple[str, Any]:
-    """Return the name and value of ``name=value``; what is no Python literal is a string."""
+    """Return the name and value of ``name=value``: a Python literal, else a string."""
     name, equals, value = word.partition("=")
     if not equals or not name.isidentifier():
         raise ValueError(f"options must be of the form name=value, got {word!r}")

@@ -16,7 +16,6 @@ from cvkern.app.viewer.server import HOST, PORT, Page
 if TYPE_CHECKING:
     from cvkern.radiance import Model
 
-MAPS = ".npy", ".tif", ".tiff"  # files of floats
 Camera = tuple[float, float, float]
 """Focal length, baseline and difference of principal points."""
 
@@ -66,39 +65,39 @@ def view(
     if (focal is None) != (baseline is None):
         raise ValueError(f"focal must be given with baseline, got {focal} and {baseline}")
     camera = None if focal is None or baseline is None else (focal, baseline, doffs)
-    if camera is not None and not (file.suffix in MAPS and _is_map(_values(file))):
+    values = None if file.suffix in (".npz", ".ply") else _values(file)
+    if camera is not None and (values is None or not _is_map(values)):
         raise ValueError(f"focal must go with a map of disparities, got {str(file)!r}")
     with cvkern.use(backend=backend, device=device):
         if record is not None:
             if record.suffix != ".rrd":
                 raise ValueError(f"record must end in .rrd, got {str(record)!r}")
             check_new(record, "record", overwrite)
-            _record(file, record, camera)
+            _record(file, values, record, camera)
             typer.echo(str(record))
             return
-        page, serve = _page(file, host, port, camera)
+        page, serve = _page(file, values, host, port, camera)
         typer.echo(f"{page.address}: open it in a browser; Ctrl-C ends")
         page.wait(serve)
 
 
 def _page(
-    file: Path, host: str, port: int, camera: Camera | None
+    file: Path, values: np.ndarray | None, host: str, port: int, camera: Camera | None
 ) -> tuple[Page, Callable[[], bool]]:
-    """Open the page of a file; return it, and what serves it."""
+    """Open the page of a file, or of its values; return it, and the function that serves it."""
     model = _model(file)
     if model is not None:
         from cvkern.app.viewer.fields import FieldPage
 
         field = FieldPage(model.cameras, host, port)
         return field.page, lambda: field.serve(model)
-    if file.suffix == ".ply":
+    if values is None:
         from cvkern.app.viewer.clouds import cloud_page
         from cvkern.clouds.ply import read_ply
 
         return cloud_page(*read_ply(file), host, port), lambda: False
     from cvkern.app.viewer.photographs import PhotographPage, map_page
 
-    values = _values(file)
     if _is_map(values):
         depth = None if camera is None else cvkern.disparity_to_depth(values, *camera)
         return map_page(values, host, port, depth), lambda: False
@@ -121,23 +120,21 @@ def _model(file: Path) -> Model | None:
     return None
 
 
-def _record(file: Path, target: Path, camera: Camera | None) -> None:
-    """Write a recording of a file; of disparities with a camera, their depth."""
+def _record(file: Path, values: np.ndarray | None, target: Path, camera: Camera | None) -> None:
+    """Write a recording of a file, or of its values; of disparities with a camera, their depth."""
     from cvkern.app.viewer.recordings import Recording
 
     recording = Recording(target)
     model = _model(file)
     if model is not None:
         recording.field(model)
-    elif file.suffix == ".ply":
+    elif values is None:
         from cvkern.clouds.ply import read_ply
 
         recording.cloud(*read_ply(file))
     else:
-        values = _values(file)
-        if camera is not None:
-            values = cvkern.disparity_to_depth(values, *camera)
-        (recording.map if _is_map(values) else recording.photograph)(values)
+        shown = values if camera is None else cvkern.disparity_to_depth(values, *camera)
+        (recording.map if _is_map(shown) else recording.photograph)(shown)
     recording.save()
 
 

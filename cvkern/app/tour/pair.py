@@ -11,7 +11,7 @@ from cvkern.app.tour.page import Chapter, Figure, Panel
 from cvkern.images.drawing import draw_epipolar_lines, draw_points
 
 FOCAL, COLUMNS, ROW, BASELINE = 994.978, (311.193, 342.279), 254.877, 0.193  # pixels, metres
-TURN = 0.15  # by what the second camera is turned about its axis, radians
+TURN = 0.15  # turn of the second camera about its axis, radians
 TWELVE = 12  # points whose lines are drawn
 
 

@@ -70,7 +70,7 @@ class FieldPage:
         self.shown.pop(client.client_id, None)
 
     def serve(self, model: Model, text: str = "") -> bool:
-        """Draw what clients see, coarsely while they move; return whether more is to be drawn."""
+        """Draw the views of clients, coarsely while they move; return whether to draw more."""
         if text != self.text.content:
             self.text.content = text
         more = False

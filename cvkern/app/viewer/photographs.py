@@ -43,7 +43,7 @@ class PhotographPage:
         self.page.ask()
 
     def serve(self) -> bool:
-        """Find once more what the controls ask for; return False: there is nothing left to do."""
+        """Run the detector with the values of the controls; return False, because all is drawn."""
         state = {name: control.value for name, control in self.controls.items()}
         if state == self.state:
             return False

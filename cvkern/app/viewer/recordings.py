@@ -46,7 +46,7 @@ class Recording:
         self.stream.log("cloud/points", self.rerun.Points3D(points, colors=colors))
 
     def field(self, model: Model) -> None:
-        """Add what the cameras of a field see, one after the other."""
+        """Add the views of a field from its cameras, one after the other."""
         rerun, cameras = self.rerun, model.cameras
         self.stream.log("field", rerun.ViewCoordinates.RDF, static=True)
         for view in np.unique(np.linspace(0, len(cameras) - 1, MOST).round().astype(int)).tolist():

@@ -153,7 +153,7 @@ def _edges(
 
 
 def _grown(links: list[list[int]], back: list[list[int]], start: int) -> dict[tuple[int, int], int]:
-    """Walk from one corner to all that are joined with it; what fits nowhere is left out.
+    """Walk from one corner to all that are joined with it; corners that fit nowhere are left out.
 
     A corner is known with its ray along the rows; rows, columns follow each other as angles grow,
     so that no grid is mirrored.
@@ -183,8 +183,8 @@ def found_board(
 ) -> np.ndarray | None:
     """Return the corners (rows, columns, 2), x and y, of a board in a grid, or None.
 
-    A few corners may be missing: they are looked for where their neighbours say. There must be one
-    board of that shape in the grid, not several that overlap.
+    A few corners may be missing: they are searched for where their neighbours predict them. The
+    grid must have one board of that shape, not several that overlap.
     """
     if len(grid) < LEAST_KNOWN * shape[0] * shape[1]:
         return None
@@ -209,7 +209,7 @@ def found_board(
 
 
 def is_flat(board: np.ndarray) -> bool:
-    """Tell whether the corners are those of a plane in perspective, but for a lens."""
+    """Tell whether a homography and a lens explain the corners, as they do for a flat board."""
     from cvkern.geometry.fitting import fit_homography
 
     rows, columns = board.shape[:2]

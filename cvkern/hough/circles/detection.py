@@ -57,7 +57,7 @@ class Circles(NamedTuple):
 
 def detect_circles(
     image: Any,
-    radius_range: tuple[float, float],
+    radius_range: tuple[float, float] | None = None,
     *,
     sigma: float = 2.0,
     low_threshold: float | None = None,
@@ -78,9 +78,10 @@ def detect_circles(
     ----------
     image : array of shape (H, W) or (H, W, C) with C in 3, 4, or a stack of them
         Any real dtype; colour as in :func:`canny`.
-    radius_range : two floats
-        Smallest and largest radius, in pixels; at least 3. If the smallest is 24 or more, the
-        photograph is first reduced by an integer factor, so that it becomes less than 24.
+    radius_range : two floats, optional
+        Smallest and largest radius, in pixels, at least 3. By default a fortieth and a half of the
+        shorter side, or 3 if these are less. If the smallest is 24 or more, the photograph is first
+        reduced by an integer factor, so that it becomes less than 24.
     sigma : float, default 2.0
         Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
         reduced photograph.
@@ -140,7 +141,10 @@ def detect_circles(
         return one_by_one(detect_circles, locals())
     image = check_photograph(image)
     height, width = check_sides(image.shape[:2], "image")
-    low, high = check_range(radius_range, min(height, width), "radius_range")
+    side = min(height, width)
+    if radius_range is None:
+        radius_range = max(side / 40, 3.0), max(side / 2, 3.0)
+    low, high = check_range(radius_range, side, "radius_range")
     first, last = POLARITIES[check_choice(polarity, tuple(POLARITIES), "polarity")]
     least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._files import as_path
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import AdamRule, CameraSet, Composited, Rays, Seen
-from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
+from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats, Tiles
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, Parameters
 from cvkern.radiance.march import STOP, taken
@@ -30,6 +30,9 @@ PERIOD, FIRST = 100, 100  # steps between relocations, and the step of the first
 LAST = 0.85  # share of the training after which nothing is relocated
 NEAREST = 0.04  # depth below which splats are not seen, at most
 MOST_PIXELS, MOST_ENTRIES = 2**26, 2**30
+
+Room = Callable[[str, tuple[int, ...], Any], Any]  # makes an array of a name, shape and dtype
+Ranked = tuple[Any, Any, Any]  # the order, ranks and ends of `Lists`
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ class SplatCloud(Field):
     learnt: dict[str, Parameters]
     views: CameraSet
     screen: Screen
+    ranked: Ranked
     lists: Lists
 
     def __init__(self, rt: Runtime, frame: Frame, settings: SplatField, seed: int):
@@ -166,18 +170,13 @@ class SplatCloud(Field):
         reach = np.linalg.norm(eyes - eyes.mean(axis=0), axis=1).max()
         self.reach = 1.1 * float(reach) or 1.0
         self.leap = _leap(len(eyes))
-        number, tiles = self.settings.splats, _tiles(views.width, views.height)[1]
-        self.screen = Screen(
-            rt.zeros((number, SHOWN)),
-            rt.zeros((number, 4), np.int32),
-            rt.zeros((number,), np.int32),
-        )
-        self.order, self.ranks, self.ends = (rt.zeros((number,), np.int32) for _ in range(3))
+        tiles = _tiles(views.width, views.height)[1]
+        self.screen, self.ranked = self._screen(lambda _, shape, dtype: rt.zeros(shape, dtype))
         self.ranges, self._room = rt.zeros((tiles + 1,), np.int32), 0
         most = 0
         for view in range(0, len(eyes), max(1, len(eyes) // 8)):
             rt.write(self.view, np.array([view], np.int32))
-            self._sort()
+            self._sort(self._sight(views, self.view), self.screen, self.ranked)
             most = max(most, self.taken())
         self._make_room(most)
 
@@ -187,7 +186,7 @@ class SplatCloud(Field):
         room = self._room = min(max(2 * entries, 2**12), MOST_ENTRIES)
         self.edition += 1
         entries, sources = (rt.zeros((room,), np.int32) for _ in range(2))
-        self.lists = Lists(self.order, self.ranks, self.ends, entries, sources, self.ranges)
+        self.lists = Lists(*self.ranked, entries, sources, self.ranges)
         self.slopes = rt.zeros((room, SLOPES))
         self._most = 0
 
@@ -201,35 +200,51 @@ class SplatCloud(Field):
         """See :meth:`Field.leave_out`."""
         self.rt.radiance.fields.splats.batches.leave_out(masks, self.view, errors, *gradients)
 
-    def _sight(self) -> Sight:
-        v = self.views
-        return Sight(v.poses, v.lenses, self.view, v.width, v.height, self.near, self.settings.blur)
+    def _sight(self, views: CameraSet, view: Any) -> Sight:
+        v = views
+        return Sight(v.poses, v.lenses, view, v.width, v.height, self.near, self.settings.blur)
 
-    def _sort(self) -> None:
+    def _screen(self, room: Room) -> tuple[Screen, Ranked]:
+        """Return room for all splats on a screen, and for their order."""
+        count = self.settings.splats
+        screen = Screen(
+            room("shown", (count, SHOWN), np.float32), room("boxes", (count, 4), np.int32),
+            room("keys", (count,), np.int32),
+        )  # fmt: skip
+        order, ranks, ends = (room(n, (count,), np.int32) for n in ("order", "ranks", "ends"))
+        return screen, (order, ranks, ends)
+
+    def _sort(self, sight: Sight, screen: Screen, ranked: Ranked) -> None:
         kernels = self.rt.radiance.fields.splats
-        kernels.projection.project(self.splats, self._sight(), self.screen)
-        kernels.lists.sort(self.screen, self.order, self.ranks, self.ends)
+        kernels.projection.project(self.splats, sight, screen)
+        kernels.lists.sort(screen, *ranked)
+
+    def _picture(self, sight: Sight, screen: Screen, lists: Lists) -> Tiles:
+        """Return a picture in tiles, whose lists may still be filled."""
+        return Tiles(screen.shown, *lists[3:], sight.width, sight.height, STOP)
+
+    def _composite(self, sight: Sight, screen: Screen, lists: Lists, seen: Seen) -> None:
+        kernels = self.rt.radiance.fields.splats
+        kernels.lists.fill(screen, _tiles(sight.width, sight.height)[0], lists)
+        kernels.tiles.composite(self._picture(sight, screen, lists), seen)
 
     def forward(self, rays: Rays, step: Any) -> Composited:
         """See :meth:`Field.forward`: render the photograph that was chosen."""
-        v, kernels = self.views, self.rt.radiance.fields.splats
-        self._sort()
-        kernels.lists.fill(self.screen, _tiles(v.width, v.height)[0], self.lists)
-        kernels.tiles.composite(
-            self.screen.shown, self.lists.entries, self.ranges, v.width, v.height, STOP,
-            Seen(*self.rendered[:3]),
-        )  # fmt: skip
+        sight = self._sight(self.views, self.view)
+        self._sort(sight, self.screen, self.ranked)
+        self._composite(sight, self.screen, self.lists, Seen(*self.rendered[:3]))
         return self.rendered
 
     def backward(self, gradients: Composited) -> None:
         """See :meth:`Field.backward`."""
-        v, kernels = self.views, self.rt.radiance.fields.splats
+        kernels = self.rt.radiance.fields.splats
+        sight = self._sight(self.views, self.view)
         kernels.tiles.composite_backward(
-            Seen(*gradients[:3]), self.screen.shown, self.lists, v.width, v.height, STOP,
+            Seen(*gradients[:3]), self._picture(sight, self.screen, self.lists),
             Seen(*self.rendered[:3]), self.slopes,
         )  # fmt: skip
         to = Splats(*(self.learnt[name].gradients for name in Splats._fields))
-        kernels.projection.project_backward(self.splats, self._sight(), self.lists, self.slopes, to)
+        kernels.projection.project_backward(self.splats, sight, self.lists, self.slopes, to)
         s = self.settings
         each = self.rays / s.splats
         kernels.learning.restrain(self.splats, s.fade * each, s.shrink * each / 3, to)
@@ -279,7 +294,7 @@ class SplatCloud(Field):
 
     def taken(self) -> int:
         """See :meth:`Field.taken`; samples are tiles of splats. Make room for more if necessary."""
-        found = int(self.rt.to_numpy(self.ends)[-1])
+        found = int(self.rt.to_numpy(self.ranked[-1])[-1])
         if self._room:
             self._most = max(self._most, found)
             if found > 0.8 * self._room:
@@ -296,25 +311,15 @@ class SplatCloud(Field):
 
     def draw(self, cameras: CameraSet, seen: View) -> None:
         """See :meth:`Field.draw`."""
-        rt, kernels, number = self.rt, self.rt.radiance.fields.splats, self.settings.splats
+        rt, number = self.rt, self.settings.splats
 
         def room(name: str, shape: tuple[int, ...], dtype: Any = np.int32) -> Any:
             return rt.scratch(f"splats.{name}", shape, dtype)
 
-        width, height = cameras.width, cameras.height
-        columns, tiles = _tiles(width, height)
-        view = rt.constant(np.zeros(1, np.int32))
-        sight = Sight(
-            cameras.poses, cameras.lenses, view, width, height, self.near, self.settings.blur
-        )
-        screen = Screen(
-            room("shown", (number, SHOWN), np.float32), room("boxes", (number, 4)),
-            room("depths", (number,)),
-        )  # fmt: skip
-        order, ranks, ends = (room(name, (number,)) for name in ("order", "ranks", "ends"))
-        kernels.projection.project(self.splats, sight, screen)
-        kernels.lists.sort(screen, order, ranks, ends)
-        entries = int(rt.to_numpy(ends)[-1])
+        sight = self._sight(cameras, rt.constant(np.zeros(1, np.int32)))
+        screen, ranked = self._screen(room)
+        self._sort(sight, screen, ranked)
+        entries, tiles = int(rt.to_numpy(ranked[-1])[-1]), _tiles(sight.width, sight.height)[1]
         # Sums of 32 bits may have gone beyond their range before the last splat.
         if number * tiles >= 2**31:
             boxes = rt.to_numpy(screen.boxes)[:, 2:].astype(np.int64)
@@ -325,13 +330,10 @@ class SplatCloud(Field):
             )
         entries = max(1, entries)
         lists = Lists(
-            order, ranks, ends, room("entries", (entries,)), room("sources", (entries,)),
+            *ranked, room("entries", (entries,)), room("sources", (entries,)),
             room("ranges", (tiles + 1,)),
         )  # fmt: skip
-        kernels.lists.fill(screen, columns, lists)
-        kernels.tiles.composite(
-            screen.shown, lists.entries, lists.ranges, width, height, STOP, Seen(*seen)
-        )
+        self._composite(sight, screen, lists, Seen(*seen))
 
     def densities(self, points: np.ndarray) -> np.ndarray:
         """Refuse, because an opacity on a screen is no density."""

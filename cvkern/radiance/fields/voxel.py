@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._archives import shape_of
-from cvkern._checks import check_integer, check_number, check_positive
+from cvkern._checks import as_items, check_integer, check_number, check_positive
 from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import (
     MOST_LOG_DENSITY,
@@ -102,8 +102,12 @@ class VoxelField:
     """
 
     def __post_init__(self) -> None:
-        found = [check_integer(n, "resolutions", 16, MOST_CELLS) for n in self.resolutions]
-        shares = [float(share) for share in self.shares]
+        sides = as_items(self.resolutions, "resolutions", "a sequence of integers")
+        found = [check_integer(n, "resolutions", 16, MOST_CELLS) for n in sides]
+        shares = [
+            check_number(share, "shares")
+            for share in as_items(self.shares, "shares", "a sequence of numbers")
+        ]
         object.__setattr__(self, "resolutions", tuple(found))
         object.__setattr__(self, "shares", tuple(shares))
         if not found or found != sorted(set(found)) or any(n % 16 for n in found):

@@ -24,7 +24,7 @@ def opacities(places: np.ndarray, planes: int) -> np.ndarray:
 
 
 def extend(opacity: np.ndarray, places: np.ndarray, reach: int) -> list[tuple]:
-    """Extend planes behind nearer surfaces, in place, and return what was copied where.
+    """Extend planes behind nearer surfaces, in place, and return the copies that were made.
 
     A texel of a plane that a nearer surface hides takes the opacity of the nearest texel of its
     plane that shows something, if this is at most `reach` texels away. `opacity` is (D, H, W). The

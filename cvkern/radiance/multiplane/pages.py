@@ -129,7 +129,7 @@ def _atlas(texels: np.ndarray) -> tuple[np.ndarray, int]:
 def _facts(
     reference: Reference, half: float, shape: tuple[int, ...], columns: int
 ) -> dict[str, Any]:
-    """Return what a program must know of the planes, in units of the world."""
+    """Return the sizes and places of the planes for programs, in units of the world."""
     count, height, width, _ = shape
     return {
         "planes": count,

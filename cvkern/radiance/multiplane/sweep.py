@@ -159,7 +159,7 @@ class _Views:
             self.images.append(layers)
 
     def to_grey(self) -> None:
-        """Keep a brightness, over grey where the photograph is transparent, and what is shown."""
+        """Keep the brightness, grey where the photograph is transparent, and the visible part."""
         for at, layers in enumerate(self.images):
             grey = layers[..., :3].mean(axis=2) + 0.5 * (layers[..., 4] - layers[..., 3])
             self.images[at] = np.stack((grey.clip(0, 1), layers[..., 4]), axis=2)

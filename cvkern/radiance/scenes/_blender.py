@@ -83,14 +83,8 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
         np.array([b for _, b in lenses]),
     )  # fmt: skip
     bounds, near = _cube(file, content, views)
-    past = _looking_past(views, bounds)
-    if past > PAST:
-        warnings.warn(
-            f"{file}: {past:.0%} of the cameras look past the scene's cube, of half side "
-            f"{bounds.half:g} about {bounds.center}: photographs show things outside of it; give "
-            "other bounds, or remove aabb_scale, scale and offset from the file",
-            stacklevel=4,
-        )
+    way_out = "give other bounds, or remove aabb_scale, scale and offset from the file"
+    warn_of_past(views, bounds, f"{file}: ", way_out)
     seen = read_masks(masks, height, width)
     return Scene(images, views, held, bounds, near, math.inf, masks=seen)
 
@@ -115,14 +109,21 @@ def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, 
     return Bounds((x, y, z), half, False), 0.05 / scale
 
 
-def _looking_past(views: Cameras, bounds: Bounds) -> float:
-    """Return the share of cameras whose optical axis misses the cube."""
+def warn_of_past(views: Cameras, bounds: Bounds, where: str, way_out: str) -> None:
+    """Warn if the optical axes of many cameras miss the cube."""
     eyes = (views.poses[:, :, 3] - np.array(bounds.center)) / bounds.half
     ahead = views.poses[:, :, 2]
     with np.errstate(divide="ignore", invalid="ignore"):
         sides = np.stack(((-1 - eyes) / ahead, (1 - eyes) / ahead))
     enter, leave = np.fmin(*sides).max(axis=1), np.fmax(*sides).min(axis=1)
-    return float(np.mean(~((enter <= leave) & (leave > 0))))
+    past = float(np.mean(~((enter <= leave) & (leave > 0))))
+    if past > PAST:
+        warnings.warn(
+            f"{where}{past:.0%} of the cameras look past the scene's cube, of half side "
+            f"{bounds.half:g} about {bounds.center}: photographs show things outside of it; "
+            f"{way_out}",
+            stacklevel=5,
+        )
 
 
 def _content(file: Path) -> dict[str, Any]:

@@ -183,7 +183,7 @@ def _rest(count: int) -> list[str]:
 
 
 def _blur(path: str | os.PathLike[str]) -> float:
-    """Return what a pixel adds to variances."""
+    """Return the variance that a pixel adds to splats."""
     found = [words[1:] for words in map(str.split, comments(path)) if words[:1] == [BLUR]]
     try:
         return check_positive(float(found[0][0]), BLUR) if found else THEIRS

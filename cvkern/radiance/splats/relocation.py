@@ -9,7 +9,7 @@ MOST_COPIES = 51
 
 
 def relocated(opacities: np.ndarray, seed: int, step: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the splats that change, and what they become.
+    """Return the splats that change, and their new values.
 
     Faded splats become copies of others, which are drawn in proportion to their opacities. A splat
     of which there are n then gets the opacity o' = 1 - (1 - o)^(1/n), with which n copies hide as

@@ -1,8 +1,8 @@
 """Histograms and tone curves, in Taichi.
 
 CLAHE [Zuiderveld 1994]: each tile of an image has a histogram, cut off at a limit, whose sums map
-its bins to tones; a pixel gets the mean of what the four nearest tiles say, by its distance to
-their middles. Counters are integers, so they do not depend on the order of the pixels.
+its bins to tones. A pixel gets the mean of the tones of the four nearest tiles, weighted by its
+distance to their middles. Counters are integers, so they do not depend on the order of the pixels.
 """
 
 import numpy as np
@@ -167,7 +167,7 @@ def _tone_maps(limit: ti.i32, scale: ti.f64, counts: i32_2, maps: i32_2):
 
 @primitive
 def tone_maps(counts: np.ndarray, limit: int, scale: float, maps: np.ndarray) -> None:
-    """Cut histograms (T, B) off at a limit, share out what is above, and scale their sums.
+    """Cut histograms (T, B) off at a limit, share out the excess, and scale their sums.
 
     All bins get an equal share first, and those that it brings near the limit are filled. The rest
     goes to bins a step apart, one each, from the first on, then from the second: as long as one is

@@ -9,7 +9,7 @@ import taichi as ti
 vec2 = ti.types.vector(2, ti.f32)
 
 NEWTON_STEPS = 5
-WIDEST = 1.0e6  # tangent of the angle of a ray from the middle: farther is astray
+WIDEST = 1.0e6  # largest tangent of the angle between a ray and the optical axis
 
 
 @ti.func

@@ -80,7 +80,7 @@ def add(
     # output
     sums: f64_3,
 ):
-    """Sum what the matches of a lane give to the equations of a least-squares step."""
+    """Sum the terms of the matches of a lane in the equations of a least-squares step."""
     for item, lane in ti.ndrange(sums.shape[0], LANES):
         pair = pairs[item // per_pair]
         start, count = spans[pair, 0], spans[pair, 1]
@@ -278,7 +278,7 @@ def _similarity_equations(sums: f64_3, item: ti.i32, equations: f64_3, zero: ti.
         equations[item, i, 9] = f * _normal(sums, item, p, 9) + g * _normal(sums, item, q, 9)
 
 
-# Where a, b, c and d are in h, and by what they count: products by these are exact.
+# Indices of a, b, c and d in h, and their factors; products by these factors are exact.
 _AT = ((0, 4), (3, 1), (2, 2), (5, 5))
 _TIMES = ((1.0, 1.0), (1.0, -1.0), (0.5, 0.5), (0.5, 0.5))
 

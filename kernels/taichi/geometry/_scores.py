@@ -34,7 +34,7 @@ def _transfer(h: f32x12, x: ti.f32, y: ti.f32, u: ti.f32, v: ti.f32, zero: ti.i3
 
 @ti.func
 def prepared(kind: ti.template(), model: f32x9, known: f64_2, pair: ti.i32, zero: ti.i32) -> f32x12:
-    """Return what residuals are taken from: a matrix, or twelve numbers of a projection."""
+    """Return the numbers that residuals need: a matrix, or the twelve numbers of a projection."""
     f = f32x12(0.0)
     for i in ti.static(range(9)):
         f[i] = model[i]

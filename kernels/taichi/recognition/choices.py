@@ -1,4 +1,4 @@
-"""The choice among hypotheses by what each explains, in Taichi."""
+"""The choice among hypotheses by the evidence that each explains, in Taichi."""
 
 import numpy as np
 import taichi as ti

@@ -81,7 +81,7 @@ def find_partners(
 
     The similarity of two clusters is the mean product of their patches: sums[i, j] over both sizes.
     `partners` (N,) becomes `NOBODY` where none reaches `least`; the smallest index wins a tie. A
-    cluster of size 0 is none. One thread a cluster.
+    cluster of size 0 does not count. One thread a cluster.
     """
     _find(sums, sizes, least, stale, partners)
 

@@ -49,14 +49,15 @@ def paint_figures(
     modes: np.ndarray,
     balance: np.ndarray,
 ) -> None:
-    """Add up, for each of the first T modes, what its votes say of the pixels of their patches.
+    """Add up the evidence of the votes for each of the first T modes, pixel by pixel.
 
     The first row of `modes` (R + 1, 4) is their number, then come their rows, columns and scales.
     `figures` (O, S S) have the share of the object in each pixel at each occurrence, in parts of
     255. A vote adds its weight in the kernel times (2 share - 1) to `balance` (T, H, W), the box
-    of the object at scale 0 with a margin. Pixels are the nearest ones. Patches of another size,
-    half an octave off, say nothing, nor those whose middle is farther from the mode than the box
-    at their own size and the radius of the kernel. One thread a mode.
+    of the object at scale 0 with a margin. Pixels are the nearest ones. Two kinds of
+    patches are left out: those whose size differs by half an octave, and those whose middle is
+    farther from the mode than the box at their own size and the radius of the kernel. One thread a
+    mode.
     """
     places, _, _, matches = patches
     bins, slack, factors, lowest = space

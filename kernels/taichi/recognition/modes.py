@@ -211,7 +211,7 @@ def single_modes(modes: np.ndarray, spans: np.ndarray, lowest: int, single: np.n
     """Copy M modes; those outside of their span, or not the first at a place, get density 0.
 
     `spans` (F, 4) are the least row and column, and the largest, at each scale from `lowest` on; if
-    there are none, all places are inside. A mode of density 0 is none.
+    there are none, all places are inside. A mode of density 0 does not count.
     """
     _keep_single(modes, spans, lowest, single)
 

@@ -51,7 +51,7 @@ def _finite(x: ti.f32) -> ti.i32:
 def _give_up(
     normals: ti.template(), albedo: ti.template(), residual: ti.template(), y: ti.i32, x: ti.i32
 ):
-    """Write what a pixel has that tells no normal."""
+    """Write NaN for the normal of a pixel that has none, and 0 for the rest."""
     for j in range(3):
         normals[y, x, j] = ti.cast(ti.math.nan, ti.f32)
     albedo[y, x] = 0.0
@@ -109,7 +109,7 @@ def solve(
     albedo: np.ndarray,
     residual: np.ndarray,
 ) -> None:
-    """Write what least squares over all images give: the inverse (3, K) times each pixel."""
+    """Write the least-squares solution over all images: the inverse (3, K) times each pixel."""
     _solve(images, inverse, lights, mask, 0, normals, albedo, residual)
 
 

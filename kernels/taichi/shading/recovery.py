@@ -80,6 +80,6 @@ def sweep(
 ) -> None:
     """Write the mean of the normals around each pixel, mixed with its guide, as bright as seen.
 
-    The state is 0 outside, 1 for what is known, 2 for what is sought.
+    The state is 0 outside, 1 where the normal is known, 2 where it is sought.
     """
     _sweep(before, image, state, guide, vec3(*light), after)

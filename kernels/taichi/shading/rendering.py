@@ -32,7 +32,7 @@ def _finite(x: ti.f32) -> ti.i32:
 
 @ti.func
 def _slope(before: ti.f32, here: ti.f32, after: ti.f32) -> ti.f32:
-    """Return the difference across a pixel: central, one-sided beside what is not finite, or 0."""
+    """Return the difference across a pixel: central, one-sided beside NaN or infinity, or 0."""
     slope = 0.0
     if _finite(before) and _finite(after):
         slope = (after - before) * 0.5
@@ -149,7 +149,7 @@ def depth_gradients(depth: np.ndarray, slopes: np.ndarray, grads: np.ndarray) ->
 
 @ti.func
 def _basis(x: ti.f32, y: ti.f32, z: ti.f32, harmonic: ti.i32, zero: ti.i32):
-    """Return what the coefficients of a light are multiplied by."""
+    """Return the factors of the coefficients of a light."""
     b = vec9(0.0)
     if harmonic:
         b[0] = 1.0

@@ -14,6 +14,7 @@ import math
 import numpy as np
 import taichi as ti
 
+from cvkern.kernels.codes import structured_light as codes
 from cvkern.kernels.taichi._launch import primitive
 from cvkern.kernels.taichi._polar import gradient_angle, squared_magnitude
 from cvkern.kernels.taichi._rounding import product, quotient, root
@@ -84,26 +85,9 @@ def _decode(
 
 
 @primitive
-def decode(
-    frames: np.ndarray,
-    begin: int,
-    frequencies: np.ndarray,
-    waves: np.ndarray,
-    size: int,
-    threshold: float,
-    joins: bool,
-    places: np.ndarray,
-    phases: np.ndarray,
-    modulations: np.ndarray,
-    valid: np.ndarray,
-) -> None:
-    """Decode the frames of an axis of `size` lines, from `begin` on; one thread a pixel.
-
-    Writes the place in the axis, the phase of the last frequency, the least modulation, and whether
-    that is above the threshold; with `joins`, only for pixels that were valid before.
-    """
-    outputs = places, phases, modulations, valid
-    _decode(frames, begin, frequencies, waves, size, threshold, joins, 0, *outputs)
+def decode(frames: np.ndarray, begin: int, fringes: codes.Fringes, decoded: codes.Decoded) -> None:
+    """Decode the frames of an axis, from frame `begin` on; one thread a pixel."""
+    _decode(frames, begin, *fringes, 0, *decoded)
 
 
 @ti.kernel

@@ -89,7 +89,7 @@ def pad(
 
 @ti.func
 def edge(i: ti.i32, n: ti.i32) -> ti.f32:
-    """Return what the end of a mirrored line counts against its inner pixels: a half."""
+    """Return the weight of a pixel of a mirrored line: a half at its ends, 1 between."""
     counts = 1.0
     if n > 1 and (i == 0 or i == n - 1):
         counts = 0.5

@@ -181,7 +181,7 @@ def sample(
 
 @ti.func
 def stored(v: ti.f32) -> ti.f32:
-    """Return what a byte holds of a value: rounded and cut off, 0 for NaN."""
+    """Return a value as a byte: rounded and cut off, 0 for NaN."""
     held = 0.0
     if v > 0.0:
         held = ti.floor(ti.min(v, 255.0) + 0.5)

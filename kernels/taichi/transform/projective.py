@@ -44,7 +44,7 @@ def _combined(h: ti.template(), row: ti.i32, u: ti.f64, v: ti.f64, zero: ti.i32)
 
 @ti.func
 def _of_row(h: ti.template(), row: ti.i32, u: ti.f64, v: ti.f64, zero: ti.i32) -> ti.f64:
-    """Return the same, where what a row of the result shares is added first."""
+    """Return the same, but add the terms first that are equal along a row of the result."""
     shared = wide_product(h[3 * row + 1], v, zero) + h[3 * row + 2]
     return wide_product(h[3 * row], u, zero) + shared
 

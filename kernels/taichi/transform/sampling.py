@@ -107,7 +107,7 @@ def remap_backward(
     grad_src: np.ndarray,
     grad_coordinates: np.ndarray,
 ) -> None:
-    """Gradients by what was sampled, added in float64, and by coordinates; one thread a pixel."""
+    """Gradients by the sampled image, added in float64, and by coordinates; one thread a pixel."""
     _clear(grad_src)
     _backward(grad, src, coordinates, order, border, margin, 0, grad_src, grad_coordinates)
 

@@ -87,7 +87,7 @@ def tiles(
 
 
 def tone_maps(counts: wp.array, limit: int, scale: float, maps: wp.array) -> None:
-    """Cut histograms (T, B) off at a limit, share out what is above, and scale their sums."""
+    """Cut histograms (T, B) off at a limit, share out the excess, and scale their sums."""
     inputs = [limit, scale]
     launch_each(_tone_maps, counts.shape[0], 8 * counts.size, inputs, [counts, maps])
 

@@ -59,7 +59,7 @@ def row_of(
 
 @wp.func
 def quad_outside(src: wp.array3d[float], base: int, x: int, border: int, cval: float) -> wp.vec4:
-    """Return what `border` gives the elements x to x + 3 of the row at `base`, all outside."""
+    """Return the values of `border` for elements x to x + 3 of the row at `base`, all outside."""
     v = wp.vec4(cval)
     for e in range(4):
         i = border_index(x + e, src.shape[2], border)

@@ -9,7 +9,7 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 NEWTON_STEPS = wp.constant(5)
-WIDEST = wp.constant(1.0e6)  # tangent of the angle of a ray from the middle: farther is astray
+WIDEST = wp.constant(1.0e6)  # largest tangent of the angle between a ray and the optical axis
 
 
 @wp.func

@@ -1,4 +1,4 @@
-#include "_matches.h"
+#include "_match_cuda.h"
 
 // needs THREADS, NEAR
 // Sort the finite matches of a pair by their keys, equal ones once: one block, by bitonic merging

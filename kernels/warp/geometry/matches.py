@@ -38,7 +38,8 @@ def sort_matches(
         launch(cuda.sort_pair, pairs * cuda.THREADS, inputs, outputs, cuda.THREADS)
         return
     parts = slabs(pairs, _MATCH * points0.shape[0])
-    launch_slabs(cpu.sort_pair, pairs, parts, inputs, outputs)
+    heads = scratch("matches.heads", (parts, cpu.BUCKETS + 1), wp.int32, order.device)
+    launch_slabs(cpu.sort_pairs, pairs, parts, [*inputs, heads], outputs)
 
 
 def scale_matches(
@@ -59,4 +60,4 @@ def scale_matches(
         launch(cuda.scale_pair, pairs * cuda.THREADS, inputs, [matches], cuda.THREADS)
         return
     parts = slabs(pairs, _MATCH * points0.shape[0])
-    launch_slabs(cpu.scale_pair, pairs, parts, inputs, [matches])
+    launch_slabs(cpu.scale_pairs, pairs, parts, inputs, [matches])

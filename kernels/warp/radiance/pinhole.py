@@ -86,7 +86,7 @@ def view_rays(
 
 @wp.struct
 class Drawn:
-    """Rays through random pixels, and what these show."""
+    """Rays through random pixels, and the colours of these pixels."""
 
     origins: wp.array2d[float]  # (R, 3)
     directions: wp.array2d[float]  # (R, 3)

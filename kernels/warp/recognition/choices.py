@@ -1,4 +1,4 @@
-"""The choice among hypotheses by what each explains, in Warp."""
+"""The choice among hypotheses by the evidence that each explains, in Warp."""
 
 import warp as wp
 

@@ -78,7 +78,7 @@ def find_partners(
 
     The similarity of two clusters is the mean product of their patches: sums[i, j] over both sizes.
     `partners` (N,) becomes `NOBODY` where none reaches `least`; the smallest index wins a tie. A
-    cluster of size 0 is none. One thread a cluster.
+    cluster of size 0 does not count. One thread a cluster.
     """
     count = sizes.size
     inputs = [sums, sizes, wp.int64(least), stale]

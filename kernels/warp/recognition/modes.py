@@ -151,7 +151,7 @@ def single_modes(modes: wp.array, spans: wp.array, lowest: int, single: wp.array
     """Copy M modes; those outside of their span, or not the first at a place, get density 0.
 
     `spans` (F, 4) are the least row and column, and the largest, at each scale from `lowest` on; if
-    there are none, all places are inside. A mode of density 0 is none.
+    there are none, all places are inside. A mode of density 0 does not count.
     """
     count = modes.shape[0]
     launch_each(_keep_single, count, count, [modes, spans, lowest], [single])

@@ -1,4 +1,4 @@
-"""Points in the axes of a view, and what a lens makes of their directions, in Warp."""
+"""Points in the axes of a view, and their images through a lens, in Warp."""
 
 import warp as wp
 

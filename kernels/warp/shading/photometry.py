@@ -83,7 +83,7 @@ def solve(
     albedo: wp.array,
     residual: wp.array,
 ) -> None:
-    """Write what least squares over all images give: the inverse (3, K) times each pixel."""
+    """Write the least-squares solution over all images: the inverse (3, K) times each pixel."""
     inputs, outputs = [images, inverse, lights, mask], [normals, albedo, residual]
     size = albedo.size
     if albedo.device.is_cuda and images.shape[0] <= _photometry_cuda.MOST:

@@ -17,7 +17,7 @@ vec9 = wp.types.vector(length=9, dtype=wp.float32)
 
 @wp.func
 def _slope(before: float, here: float, after: float):
-    """Return the difference across a pixel: central, one-sided beside what is not finite, or 0."""
+    """Return the difference across a pixel: central, one-sided beside NaN or infinity, or 0."""
     slope = float(0.0)
     if wp.isfinite(before) and wp.isfinite(after):
         slope = (after - before) * 0.5
@@ -152,7 +152,7 @@ def _depth_gradients(
 
 @wp.func
 def _basis(x: float, y: float, z: float, harmonic: bool):
-    """Return what the coefficients of a light are multiplied by."""
+    """Return the factors of the coefficients of a light."""
     b = vec9()
     if harmonic:
         b[0] = 1.0

@@ -1,8 +1,8 @@
 #include "_meeting_cpu.h"
 
 // needs AXIS, NEWTON_STEPS, LENS_STEPS, WIDEST
-// Points of a row; loops without branches over its pixels. A pixel keeps what it has after a short
-// step, and when all do, no step is left.
+// Points of a row, by loops without branches over its pixels. After a short step, a pixel keeps its
+// value. The loop ends when all pixels do.
 void intersect_row(int i, wp::array_t<float> places, wp::array_t<wp::uint8> valid,
                    wp::array_t<float> lenses, wp::array_t<float> pose, wp::array_t<float> points) {
     enum { PART = 256 };

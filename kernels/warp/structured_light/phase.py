@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from cvkern.kernels.codes import structured_light as codes
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, slabs
 from cvkern.kernels.warp._structs import struct_of
@@ -23,7 +24,7 @@ _QUAD = 4  # pixels of a thread on CUDA
 
 @wp.struct
 class Fringes:
-    """What the frames of an axis are decoded by."""
+    """The same as `codes.Fringes`."""
 
     frequencies: wp.array[float]
     waves: wp.array2d[float]  # (steps, 2): sine, cosine
@@ -32,34 +33,17 @@ class Fringes:
     joins: bool
 
 
-def decode(
-    frames: wp.array,
-    begin: int,
-    frequencies: wp.array,
-    waves: wp.array,
-    size: int,
-    threshold: float,
-    joins: bool,
-    places: wp.array,
-    phases: wp.array,
-    modulations: wp.array,
-    valid: wp.array,
-) -> None:
-    """Decode the frames of an axis of `size` lines, from `begin` on.
-
-    Writes the place in the axis, the phase of the last frequency, the least modulation, and whether
-    that is above the threshold; with `joins`, only for pixels that were valid before.
-    """
-    rule = [frequencies, waves, size, threshold, joins]
-    outputs = [places, phases, modulations, valid]
+def decode(frames: wp.array, begin: int, fringes: codes.Fringes, decoded: codes.Decoded) -> None:
+    """Decode the frames of an axis, from frame `begin` on."""
+    places = decoded.places
     if places.device.is_cuda:
-        inputs = [frames, begin, *rule]
-        launch(_decode_cuda(frames.dtype), -(-places.size // _QUAD), inputs, outputs)
+        inputs = [frames, begin, *fringes]
+        launch(_decode_cuda(frames.dtype), -(-places.size // _QUAD), inputs, decoded)
         return
-    inputs = [frames, begin, struct_of(Fringes, rule)]
+    inputs = [frames, begin, struct_of(Fringes, fringes)]
     height = places.shape[0]
-    work = waves.shape[0] * frequencies.size * places.size
-    launch_slabs(_decode_cpu(frames.dtype), height, slabs(height, work), inputs, outputs)
+    work = fringes.waves.shape[0] * fringes.frequencies.size * places.size
+    launch_slabs(_decode_cpu(frames.dtype), height, slabs(height, work), inputs, decoded)
 
 
 def accept(columns: wp.array, rows: wp.array, threshold: float, valid: wp.array) -> None:

@@ -1,8 +1,8 @@
 """Linear samples of bytes as bytes, through a homography, in Warp.
 
 A place is rounded to 2^-23 of a pixel, and the four weights are integers whose sum is 2^23: so the
-result is that of exact arithmetic at the rounded place but for the last bit of the weights, and
-devices may find it in any order.
+result differs from exact arithmetic at the rounded place only by the last bit of the weights, and
+no order of the sums can change it.
 """
 
 from functools import lru_cache

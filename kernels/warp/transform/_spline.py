@@ -99,7 +99,7 @@ def pad(
 
 @wp.func
 def edge(i: int, n: int) -> float:
-    """Return what the end of a mirrored line counts against its inner pixels: a half."""
+    """Return the weight of a pixel of a mirrored line: a half at its ends, 1 between."""
     if n > 1 and (i == 0 or i == n - 1):
         return 0.5
     return 1.0

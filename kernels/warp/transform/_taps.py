@@ -137,7 +137,7 @@ def taps(order: int) -> tuple[Any, Any, Any, Any, Any]:
 
 @lru_cache
 def stored(result: Any) -> Any:
-    """Return the function that makes of a float what an array of `result` holds.
+    """Return the function that converts a float to an element of `result`.
 
     A byte holds it rounded and cut off, and 0 for NaN.
     """

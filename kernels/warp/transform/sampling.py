@@ -84,7 +84,7 @@ def remap_backward(
     grad_src: wp.array,
     grad_coordinates: wp.array,
 ) -> None:
-    """Gradients by what was sampled, added in float64, and by coordinates; one thread a pixel."""
+    """Gradients by the sampled image, added in float64, and by coordinates; one thread a pixel."""
     count = grad.shape[1] * grad.shape[2]
     clear(grad_src)
     inputs = [grad, src, coordinates, border, margin]

@@ -41,7 +41,7 @@ def _votes(mask: np.ndarray) -> float:
 
 
 def _along(mask: np.ndarray, orientation: np.ndarray) -> np.ndarray:
-    """The votes for the pixels a radius away, in float64 but for the code of the direction."""
+    """Vote for the pixels a radius away: in float64, except for the code of the direction."""
     height, width = mask.shape
     votes = np.zeros((len(RADII), height, width), np.int32)
     y, x = np.nonzero(mask)

@@ -149,9 +149,10 @@ CALLS: dict[str, Call] = {
     ),
     "detect_circles": Call(
         cvkern.detect_circles,
-        {**IMAGE, "radius_range": RANGE},
+        IMAGE,
         {
             **DETECT,
+            "radius_range": maybe(RANGE),
             "polarity": one("any", "bright", "dark"),
             "min_support": number(0.01, 1),
             "min_distance": maybe(number(0, 20)),

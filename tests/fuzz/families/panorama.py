@@ -125,6 +125,7 @@ CALLS: dict[str, Call] = {
             "bands": maybe(one(1, 3, 8, 0)),
             "focal_lengths": maybe(one(100, (100, 120), (0, 1))),
             "max_pixels": one(10**5, 99, 0),
+            "names": maybe(one(["a", "b"], "ab", [3])),
         },
     ),
     "adjust_bundle": Call(

@@ -1,4 +1,4 @@
-"""Radiance fields: what is cheap, cameras and rays and scores."""
+"""Radiance fields: the cheap functions, such as cameras, rays and scores."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tests.fuzz.arguments import Call, Draw, Maker, image, number, one, rows, wh
 
 
 def poses(draw: Draw) -> Any:
-    """Return where cameras stand, mostly."""
+    """Return poses of cameras, or sometimes other arrays."""
     count = int(draw.pick([1, 2, 5]))
     found = radiance.look_at(draw.rng.normal(0, 1, (count, 3)) + np.array([4, 0, 1]), np.zeros(3))
     return found if draw.odd(0.9) else draw.rng.normal(size=(count, 3, 4))
@@ -44,7 +44,7 @@ def samples(draw: Draw, columns: int | None) -> Any:
 
 
 def spans(draw: Draw) -> Any:
-    """Return where rays begin in the samples, and how many they have."""
+    """Return the first sample of each ray, and the number of its samples."""
     right = np.array([[0, 5], [5, 0], [5, 20], [25, 15]], np.int32)
     return right if draw.odd(0.8) else draw.rng.integers(-2, 50, (4, 2)).astype(np.int32)
 

@@ -70,6 +70,16 @@ def test_noise_is_no_circle(backend):
         assert [a.shape for a in circles] == [(0, 2), (0,), (0,)]
 
 
+def test_radii_by_default(backend):
+    """A fortieth and a half of the shorter side, but at least 3."""
+    found = cvkern.detect_circles(skimage.data.coins())  # 303 x 384 pixels
+    for a, b in zip(found, cvkern.detect_circles(skimage.data.coins(), (303 / 40, 303 / 2)),
+                    strict=True):  # fmt: skip
+        np.testing.assert_array_equal(a, b)
+    assert len(found.radii) == 24
+    assert len(cvkern.detect_circles(np.zeros((6, 9))).radii) == 0
+
+
 def test_nothing_is_found_in_nothing(backend):
     circles = cvkern.detect_circles(np.full((40, 50), 7.0), (4, 20))
     assert [a.shape for a in circles] == [(0, 2), (0,), (0,)]

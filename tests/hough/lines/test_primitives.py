@@ -12,7 +12,7 @@ from tests.primitives import F32, I32, U8, noise
 
 
 def line_votes(angles, number=300, seed=3, size=(90, 130)):
-    """Return what voting for lines takes: points, their count, and tables."""
+    """Return the arguments of a vote for lines: points, their count, and tables."""
     rng = np.random.default_rng(seed)
     mask = np.zeros(size, bool)
     mask.ravel()[rng.choice(mask.size, number, replace=False)] = True

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cvkern.kernels.codes.radiance import Seen
-from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats
+from cvkern.kernels.codes.splats import SHOWN, SLOPES, TILE, Lists, Screen, Sight, Splats, Tiles
 from cvkern.radiance import look_at
 from cvkern.radiance.rendering import owned
 from tests.radiance.fields import reference_splats as reference
@@ -87,12 +87,10 @@ class Run:
 
     def forward(self, stop=reference.STOP):
         case, rt = self.case, self.rt
-        self.stop, area = stop, case.width * case.height
+        area = case.width * case.height
+        self.tiles = Tiles(self.screen.shown, *self.lists[3:], case.width, case.height, stop)
         self.seen = Seen(rt.zeros((area, 3)), rt.zeros((area,)), rt.zeros((area,)))
-        self.kernels.tiles.composite(
-            self.screen.shown, self.lists.entries, self.lists.ranges, case.width, case.height,
-            stop, self.seen,
-        )  # fmt: skip
+        self.kernels.tiles.composite(self.tiles, self.seen)
         return self.read(self.seen)
 
     def backward(self):
@@ -101,9 +99,6 @@ class Run:
         given = Seen(*map(self.own, case.gradients))
         slopes = rt.zeros((self.lists.entries.shape[0], SLOPES))
         found = Splats(*(rt.zeros(a.shape) for a in case.splats))
-        self.kernels.tiles.composite_backward(
-            given, self.screen.shown, self.lists, case.width, case.height, self.stop, self.seen,
-            slopes,
-        )  # fmt: skip
+        self.kernels.tiles.composite_backward(given, self.tiles, self.seen, slopes)
         self.kernels.projection.project_backward(self.splats, self.sight, self.lists, slopes, found)
         return self.read(found)

@@ -83,7 +83,7 @@ class Case:
         return found
 
     def exact(self):
-        """Return what the reference takes, of the samples that there are, in float64."""
+        """Return the arguments of the reference, cut to the samples in use, in float64."""
         features = self.kernels(
             "radiance.encodings.spherical",
             self.directions,
@@ -151,7 +151,7 @@ def test_backward(kernels, half, inputs, samples, total):
 
 
 def gates(features, views, weights):
-    """Return what the rectifiers are given."""
+    """Return the inputs of the rectifiers."""
     a, b, c, d, _ = reference.network_parts(weights, features.shape[1])
     first = features @ a
     second = np.concatenate([np.maximum(first, 0) @ b, views], 1) @ c

@@ -105,7 +105,7 @@ def outputs(count):
 
 
 def packed(arguments):
-    """Return what the primitives take, of the reference's arguments."""
+    """Return the arguments of the primitives, from those of the reference."""
     origins, directions, active, bits, cells, near, far, finest, cone, *others = arguments
     unbounded, jittered, seed, step, stop, least, basis, density, color = others
     return (

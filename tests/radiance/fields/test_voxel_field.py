@@ -133,6 +133,19 @@ def test_settings_are_checked(settings, message):
         VoxelField(**settings)
 
 
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"resolutions": 32}, "resolutions must be a sequence of integers, got 32"),
+        ({"shares": 0.3}, "shares must be a sequence of numbers, got 0.3"),
+        ({"shares": ("a", "b")}, "shares must be a number, got 'a'"),
+    ],
+)
+def test_settings_of_other_types(settings, message):
+    with pytest.raises(TypeError, match=message):
+        VoxelField(**settings)
+
+
 def test_states_are_checked():
     frame = Frame(Bounds((0, 0, 0), 1.0, False), 0.1, 10.0)
     with cvkern.use(backend="warp"):

@@ -22,7 +22,7 @@ def scene():
 
 
 def parts(field):
-    """Return what a field keeps for Adam: gradients with their means."""
+    """Return the arrays of Adam: gradients with their means."""
     if isinstance(field, HashNetwork):
         return [(p.gradients, p.mean) for p in (field.table, field.layers)]
     density, color = field._density_means[0], field._color_means[0]

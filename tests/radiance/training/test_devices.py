@@ -30,7 +30,7 @@ def trainers(scene, field, places, wild=TAME):
     made = []
     for place in places:
         with cvkern.use(device=place):
-            made.append(_begin(scene, field, None, 3, wild, None))
+            made.append(_begin(scene, field, None, 3, wild, 0.0, None))
     others = [Trainer(one, scene, "squared", 0.0) for one in made[1:]]
     return Trainer(made[0], scene, "squared", 0.0, others=others)
 

@@ -35,7 +35,7 @@ def test_named_settings_learn(scene, name):
 
 @pytest.fixture
 def given(monkeypatch):
-    """Return what the primitives of training are given, by their names."""
+    """Return the arguments of the primitives of training, by their names."""
     seen = {}
     for place, name in (
         ("pinhole", "random_rays"), ("training.losses", "loss"), ("training.adam", "adam"),

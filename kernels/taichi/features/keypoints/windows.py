@@ -79,7 +79,7 @@ def settle(
     scales: Scales,
     settled: Settled,
 ) -> None:
-    """Give N points with an orientation windows for their descriptors, and list what they are.
+    """List N points with an orientation, and the windows of their descriptors.
 
     `places` (at least N) are those of `repeat`, `bins` (M, PEAKS) the directions of chosen points.
     """

@@ -72,7 +72,7 @@ def _parabola(u0: ti.f32, u1: ti.f32, u2: ti.f32, t: ti.f32, zero: ti.i32) -> ti
 
 @ti.func
 def _place(m: ti.template(), row: ti.i32, column: ti.i32, zero: ti.i32) -> vec3:
-    """Return what `_seen` does, or the place on a parabola between pixels that are seen."""
+    """Return the place that `_seen` finds, or one on a parabola between places that it finds."""
     t = column % LENS_SEGMENT
     begin = column - t
     found = vec3(0.0, 0.0, 0.0)

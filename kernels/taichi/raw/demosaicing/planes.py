@@ -57,7 +57,7 @@ def _join(
 def join(
     planes: np.ndarray, red: int, green: int, blue: int, top: int, rows: int, colours: np.ndarray
 ) -> None:
-    """Round three planes, without what extends them, to `rows` rows of colours from `top` on.
+    """Round three planes, without their margins, to `rows` rows of colours from `top` on.
 
     One thread a pixel.
     """

@@ -77,7 +77,7 @@ def _deviations(planes: f32_3, vertical: ti.i32, zero: ti.i32, work: f32_3):
 def _moments(
     planes: f32_3, work: f32_3, y: ti.i32, x: ti.i32, n: ti.i32, vertical: ti.i32, zero: ti.i32
 ) -> vec8:
-    """Return what a sample adds to the sums of a window."""
+    """Return the summands of a sample in the sums of a window."""
     p, q = _sample(planes, 0, y, x, n, vertical), _guide(planes, y, x, n, vertical)
     u, v = _sample(work, U, y, x, n, vertical), _sample(work, V, y, x, n, vertical)
     return _products(p, q, u, v, zero)

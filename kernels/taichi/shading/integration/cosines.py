@@ -61,7 +61,10 @@ def _begin(slope: f32_3, out: f32_3):
 
 @primitive
 def begin(slope: np.ndarray, out: np.ndarray) -> None:
-    """Write the right side of slopes (3, H, W): rows in Makhoul's order, pairs of columns."""
+    """Step 1: write the right side from slopes (3, H, W).
+
+    Rows are in Makhoul's order, and two columns are one complex column.
+    """
     _begin(slope, out)
 
 
@@ -106,10 +109,10 @@ def stage(
     sign: float,
     out: np.ndarray,
 ) -> None:
-    """Write a stage of Fourier transforms along axis 0 or 1, after others of the product `before`.
+    """Do steps 2, 4, 6 and 8: write a stage of Fourier transforms along axis 0 or 1.
 
-    The waves (N, 2) are ``cos(2 pi k / N)`` and ``sin(2 pi k / N)``; the sign is that of the
-    exponent.
+    `before` is the product of the factors of earlier stages. The waves (N, 2) are
+    ``cos(2 pi k / N)`` and ``sin(2 pi k / N)``; the sign is that of the exponent.
     """
     _stage(src, waves, radix, before, axis, sign, out)
 
@@ -145,7 +148,9 @@ def _across(src: f32_3, quarters: f32_2, out: f32_3):
 
 @primitive
 def across(src: np.ndarray, quarters: np.ndarray, out: np.ndarray) -> None:
-    """Write cosine transforms along columns: columns in Makhoul's order, pairs of rows.
+    """Step 3: finish the cosine transforms along columns.
+
+    Columns are then in Makhoul's order, and two rows are one complex row.
 
     The quarters (H, 2) are ``cos(pi k / 2H)`` and ``sin(pi k / 2H)``.
     """
@@ -154,7 +159,7 @@ def across(src: np.ndarray, quarters: np.ndarray, out: np.ndarray) -> None:
 
 @ti.func
 def _share(down: ti.f32, along: ti.f32, size: ti.f32) -> ti.f32:
-    """Return one over an eigenvalue times the number of pixels, 0 for the mean."""
+    """Return 1 over an eigenvalue times the number of pixels, or 0 for the mean."""
     share = 0.0
     if down + along > 0.0:
         share = 1.0 / (size * (down + along))
@@ -199,7 +204,9 @@ def _divide(src: f32_3, quarters: f32_2, down: f32_1, along: f32_1, out: f32_3):
 def divide(
     src: np.ndarray, quarters: np.ndarray, down: np.ndarray, along: np.ndarray, out: np.ndarray
 ) -> None:
-    """Finish cosine transforms along rows, divide by eigenvalues and pixels, begin the inverse.
+    """Step 5: finish the transforms along rows, divide, and begin the inverse ones along rows.
+
+    The divisors are the eigenvalues times the number of pixels.
 
     The parts of the eigenvalues are ``4 sin^2(pi k / 2H)`` down, (H,), and the like along, (W,).
     """
@@ -234,7 +241,7 @@ def _back(src: f32_3, quarters: f32_2, out: f32_3):
 
 @primitive
 def back(src: np.ndarray, quarters: np.ndarray, out: np.ndarray) -> None:
-    """Begin the inverse transforms along columns, of pairs of rows whose own are done."""
+    """Step 7: begin the inverse transforms along columns; those along rows are done."""
     _back(src, quarters, out)
 
 
@@ -246,5 +253,5 @@ def _end(src: f32_3, depth: f32_2):
 
 @primitive
 def end(src: np.ndarray, depth: np.ndarray) -> None:
-    """Write depth of rows in Makhoul's order and pairs of columns."""
+    """Step 9: write the depth; rows were in Makhoul's order, and two columns were one."""
     _end(src, depth)

@@ -197,7 +197,7 @@ def _edge(
     weights: ti.template(), rises: ti.template(), z: ti.template(),
     axis: ti.i32, y: ti.i32, x: ti.i32,
 ) -> ti.f64:  # fmt: skip
-    """Return how much an edge pulls: its weight times the rise of z, less what it should be."""
+    """Return the pull of an edge: its weight times the error of the rise of z."""
     weight = weights[axis, y, x]
     pull = ti.cast(0.0, ti.f64)
     if weight > 0.0:
@@ -259,7 +259,7 @@ def weigh_misfit(
     shares: np.ndarray,
     rows: np.ndarray,
 ) -> None:
-    """Write the energy of each row: the weighted squares of what equations are off."""
+    """Write the energy of each row: the weighted squares of the residuals of equations."""
     _weigh_misfit(depth, inside, slope, shares, rows)
 
 

@@ -209,14 +209,14 @@ def _add_parts(partial: f64_1, slot: ti.i32, sums: f64_1):
 
 @primitive
 def weigh_rest(r: np.ndarray, s: np.ndarray, partial: np.ndarray, sums: np.ndarray) -> None:
-    """Write the sum of r s; the one before moves on by two places."""
+    """Write the sum of r s into sums[0]; sums[2] keeps the one before."""
     _weigh_rest(r, s, partial)
     _add_parts(partial, 0, sums)
 
 
 @primitive
 def weigh_step(p: np.ndarray, q: np.ndarray, partial: np.ndarray, sums: np.ndarray) -> None:
-    """Write the sum of p q."""
+    """Write the sum of p q into sums[1]."""
     _weigh_step(p, q, partial)
     _add_parts(partial, 1, sums)
 

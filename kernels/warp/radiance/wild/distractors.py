@@ -173,7 +173,7 @@ def forget_kernel(
     sums: wp.array3d[int],  # (N, h, w)
     counts: wp.array3d[int],  # (N, h, w)
 ):
-    """Halve what was counted of a patch."""
+    """Halve the counts of a patch."""
     height = sums.shape[1]
     width = sums.shape[2]
     for patch in range(first + wp.tid(), last, stride):

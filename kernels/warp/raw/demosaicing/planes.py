@@ -23,7 +23,7 @@ def extend(raw: wp.array, top: int, planes: wp.array) -> None:
 def join(
     planes: wp.array, red: int, green: int, blue: int, top: int, rows: int, colours: wp.array
 ) -> None:
-    """Round three planes, without what extends them, to `rows` rows of colours from `top` on."""
+    """Round three planes, without their margins, to `rows` rows of colours from `top` on."""
     columns = colours.shape[1]
     inputs = [planes, red, green, blue, top]
     _join(colours.dtype).launch(rows, columns, 3 * rows * columns, inputs, [colours])

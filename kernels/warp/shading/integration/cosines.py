@@ -46,7 +46,10 @@ def _right_side(slope: wp.array3d[float], y: int, x: int):
 
 
 def begin(slope: wp.array, out: wp.array) -> None:
-    """Write the right side of slopes (3, H, W): rows in Makhoul's order, pairs of columns."""
+    """Step 1: write the right side from slopes (3, H, W).
+
+    Rows are in Makhoul's order, and two columns are one complex column.
+    """
     pairs = _complex(out)
     launch_each(_begin, pairs.size, 4 * out.size, [slope], [pairs])
 
@@ -118,10 +121,10 @@ def stage(
     sign: float,
     out: wp.array,
 ) -> None:
-    """Write a stage of Fourier transforms along axis 0 or 1, after others of the product `before`.
+    """Do steps 2, 4, 6 and 8: write a stage of Fourier transforms along axis 0 or 1.
 
-    The waves (N, 2) are ``cos(2 pi k / N)`` and ``sin(2 pi k / N)``; the sign is that of the
-    exponent.
+    `before` is the product of the factors of earlier stages. The waves (N, 2) are
+    ``cos(2 pi k / N)`` and ``sin(2 pi k / N)``; the sign is that of the exponent.
     """
     inputs = [_complex(src), _complex(waves), before, axis, sign]
     pairs = _complex(out)
@@ -219,7 +222,9 @@ def _apart(z: wp.vec2, y: wp.vec2):
 
 
 def across(src: wp.array, quarters: wp.array, out: wp.array) -> None:
-    """Write cosine transforms along columns: columns in Makhoul's order, pairs of rows.
+    """Step 3: finish the cosine transforms along columns.
+
+    Columns are then in Makhoul's order, and two rows are one complex row.
 
     The quarters (H, 2) are ``cos(pi k / 2H)`` and ``sin(pi k / 2H)``.
     """
@@ -261,7 +266,7 @@ def _across(
 
 @wp.func
 def _share(down: float, along: float, size: float):
-    """Return one over an eigenvalue times the number of pixels, 0 for the mean."""
+    """Return 1 over an eigenvalue times the number of pixels, or 0 for the mean."""
     share = float(0.0)
     if down + along > 0.0:
         share = 1.0 / (size * (down + along))
@@ -279,7 +284,9 @@ def _together(q: wp.vec2, at: wp.vec4):
 def divide(
     src: wp.array, quarters: wp.array, down: wp.array, along: wp.array, out: wp.array
 ) -> None:
-    """Finish cosine transforms along rows, divide by eigenvalues and pixels, begin the inverse.
+    """Step 5: finish the transforms along rows, divide, and begin the inverse ones along rows.
+
+    The divisors are the eigenvalues times the number of pixels.
 
     The parts of the eigenvalues are ``4 sin^2(pi k / 2H)`` down, (H,), and the like along, (W,).
     """
@@ -333,7 +340,7 @@ def _placed(src: wp.array2d[wp.vec2], k: int, height: int, x: int):
 
 
 def back(src: wp.array, quarters: wp.array, out: wp.array) -> None:
-    """Begin the inverse transforms along columns, of pairs of rows whose own are done."""
+    """Step 7: begin the inverse transforms along columns; those along rows are done."""
     inputs = [_complex(src), _complex(quarters)]
     count = (out.shape[0] // 2 + 1) * out.shape[1]
     launch_each(_back, count, 2 * out.size, inputs, [_complex(out)])
@@ -367,7 +374,7 @@ def _back(
 
 
 def end(src: wp.array, depth: wp.array) -> None:
-    """Write depth of rows in Makhoul's order and pairs of columns."""
+    """Step 9: write the depth; rows were in Makhoul's order, and two columns were one."""
     launch_each(_end, depth.size, depth.size, [_complex(src)], [depth])
 
 

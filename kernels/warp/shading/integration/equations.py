@@ -230,7 +230,7 @@ def _edge(
     weights: wp.array3d[float], rises: wp.array3d[float], z: wp.array2d[wp.float64],
     axis: int, y: int, x: int,
 ):  # fmt: skip
-    """Return how much an edge pulls: its weight times the rise of z, less what it should be."""
+    """Return the pull of an edge: its weight times the error of the rise of z."""
     weight = weights[axis, y, x]
     pull = wp.float64(0.0)
     if weight > 0.0:
@@ -278,7 +278,7 @@ def _pull(
 def weigh_misfit(
     depth: wp.array, inside: wp.array, slope: wp.array, shares: wp.array, rows: wp.array
 ) -> None:
-    """Write the energy of each row: the weighted squares of what equations are off."""
+    """Write the energy of each row: the weighted squares of the residuals of equations."""
     inputs = [depth, inside, slope, shares]
     launch_each(_weigh_misfit, rows.size, 32 * inside.size, inputs, [rows])
 

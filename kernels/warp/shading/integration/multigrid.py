@@ -216,12 +216,12 @@ def _settle(
 
 
 def weigh_rest(r: wp.array, s: wp.array, partial: wp.array, sums: wp.array) -> None:
-    """Write the sum of r s; the one before moves on by two places."""
+    """Write the sum of r s into sums[0]; sums[2] keeps the one before."""
     _add(r, s, 0, partial, sums)
 
 
 def weigh_step(p: wp.array, q: wp.array, partial: wp.array, sums: wp.array) -> None:
-    """Write the sum of p q."""
+    """Write the sum of p q into sums[1]."""
     _add(p, q, 1, partial, sums)
 
 

@@ -47,7 +47,7 @@ def shift_of(
     plane: ti.i32,
     at: ti.template(),
 ) -> vec3:
-    """Return what the side adds to the colour of a point."""
+    """Return the change of the colour of a point by the side from which it is seen."""
     total = vec3(0.0)
     i, j, down, right = place_of(maps, at)
     group = plane // rule.shared

@@ -96,7 +96,7 @@ def _wander(
 def wander(
     rate: np.ndarray, strength: float, seed: int, step: np.ndarray, splats: codes.Splats
 ) -> None:
-    """Move splats that are hardly seen at random, the farther the larger they are."""
+    """Move faint splats at random; larger ones move farther."""
     _wander(
         rate, strength, seed, step, splats.turns, splats.scales, splats.opacities, splats.means
     )  # fmt: skip
@@ -143,9 +143,9 @@ def relocate(
 ) -> None:
     """Make M splats copies of others, and forget Adam's moments of them.
 
-    `rows` (M, 2) int32 has the splats that change, each once, and those that they become; the
-    latter do not change, but for those that become themselves. `numbers` (M, 2) are their
-    opacities, before the logistic function, and what is added to the logarithms of their sizes.
+    `rows` (M, 2) int32 has the splats that change, each once, and the splats that they copy. A
+    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are
+    their opacities, before the logistic function, and the changes of the logarithms of their sizes.
     """
     for values, first, second in zip(splats, mean, square, strict=True):
         if values.shape[1] > 1 or values.shape[0] == splats.means.shape[0]:

@@ -80,20 +80,10 @@ def _composite(
 
 
 @primitive
-def composite(
-    shown: np.ndarray,
-    entries: np.ndarray,
-    ranges: np.ndarray,
-    width: int,
-    height: int,
-    stop: float,
-    seen: radiance.Seen,
-) -> None:
-    """Composite all pixels of a picture; a ray ends where the share of light falls to `stop`.
-
-    `shown` is that of `Screen`, `entries` and `ranges` are those of `Lists`.
-    """
-    _composite(shown, entries, ranges, width, height, stop, *seen)
+def composite(tiles: codes.Tiles, seen: radiance.Seen) -> None:
+    """Composite all pixels of a picture."""
+    t = tiles
+    _composite(t.shown, t.entries, t.ranges, t.width, t.height, t.stop, *seen)
 
 
 @ti.kernel
@@ -180,22 +170,13 @@ def _trace(
 
 @primitive
 def composite_backward(
-    d_seen: radiance.Seen,
-    shown: np.ndarray,
-    lists: codes.Lists,
-    width: int,
-    height: int,
-    stop: float,
-    seen: radiance.Seen,
-    slopes: np.ndarray,
+    d_seen: radiance.Seen, tiles: codes.Tiles, seen: radiance.Seen, slopes: np.ndarray
 ) -> None:
     """Compute the gradients of entries by the first numbers of `shown`, `slopes` (E, 9).
 
     `d_seen` are gradients by colours and opacities of `seen`; depths have none. The end of a ray is
     treated as constant.
     """
-    lights = scratch((width * height, 2), np.float32)
+    lights = scratch((tiles.width * tiles.height, 2), np.float32)
     _begin(d_seen.color, d_seen.opacity, seen.color, seen.opacity, lights)
-    _trace(
-        d_seen.color, d_seen.opacity, shown, *lists[3:], width, height, stop, lights, slopes
-    )  # fmt: skip
+    _trace(d_seen.color, d_seen.opacity, *tiles, lights, slopes)

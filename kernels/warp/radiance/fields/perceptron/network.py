@@ -118,7 +118,7 @@ def backward(
 
 
 def _sides(given: NetworkInputs) -> Any:
-    """Return what samples are seen by, as a Warp structure; without lights these stay empty."""
+    """Return directions and lights as a Warp structure; without lights their arrays are empty."""
     found = Sides()
     found.directions, found.rays = given.directions, given.rays
     if given.table is not None:

@@ -46,7 +46,7 @@ _stacks: dict[int, Stack] = {}  # by the identity of the array of texels
 
 
 def stack_of(texels: wp.array) -> Stack:
-    """Return what is kept, as long as the texels, of texels (D, H, W) uint32 that do not change."""
+    """Return the stack of texels (D, H, W) uint32 that do not change; it lives as long as they."""
     found = _stacks.get(id(texels))
     if found is None:
         found = _stacks[id(texels)] = _made(texels)

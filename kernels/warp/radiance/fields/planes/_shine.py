@@ -61,7 +61,7 @@ def side_of(shine: Shine, path: Path, disparity: float, function: int) -> float:
 
 @wp.func
 def shift_of(shine: Shine, path: Path, disparity: float, plane: int, at: Corner) -> wp.vec3:
-    """Return what the side adds to the colour of a point."""
+    """Return the change of the colour of a point by the side from which it is seen."""
     group = plane // shine.shared
     place = place_of(shine, at)
     i = place.row

@@ -47,3 +47,16 @@ class Lists:
     entries: wp.array[int]  # (E,)
     sources: wp.array[int]  # (E,)
     ranges: wp.array[int]  # (T + 1,)
+
+
+@wp.struct
+class Tiles:
+    """A picture in tiles, and the splats of each tile."""
+
+    shown: wp.array2d[float]  # (N, 12)
+    entries: wp.array[int]  # (E,)
+    sources: wp.array[int]  # (E,)
+    ranges: wp.array[int]  # (T + 1,)
+    width: int
+    height: int
+    stop: float

@@ -1,11 +1,12 @@
 #include "_gauss_cpu.h"
 
-// needs TILE, SHOWN, FAINT, MOST, Seen
+// needs TILE, SHOWN, FAINT, MOST, Tiles, Seen
 // Composite the pixels of a tile, front to back.
-void composite_tile(int tile, wp::array_t<float> shown, wp::array_t<int> entries,
-                    wp::array_t<int> ranges, int width, int height, float stop, Seen seen) {
+void composite_tile(int tile, Tiles tiles, Seen seen) {
 #pragma clang fp contract(off)
     using Lanes = SplatRow::Lanes;
+    const int width = tiles.width, height = tiles.height;
+    const float stop = tiles.stop;
     const int columns = (width + TILE - 1) / TILE;
     const int top = tile / columns * TILE, left = tile % columns * TILE;
     Lanes through[TILE], red[TILE], green[TILE], blue[TILE], far[TILE];
@@ -15,10 +16,10 @@ void composite_tile(int tile, wp::array_t<float> shown, wp::array_t<int> entries
             through[r][k] = top + r < height && left + k < width ? 1.0f : 0.0f;
         red[r] = green[r] = blue[r] = far[r] = 0.0f;
     }
-    const int begin = ranges.data[tile], end = ranges.data[tile + 1];
+    const int begin = tiles.ranges.data[tile], end = tiles.ranges.data[tile + 1];
     for (int place = begin; place < end; ++place) {
         if ((place - begin) % 8 == 7 && !SplatRow::alive(through, stop)) break;
-        const float* s = shown.data + (size_t)SHOWN * entries.data[place];
+        const float* s = tiles.shown.data + (size_t)SHOWN * tiles.entries.data[place];
         const int behind = SplatRow::last(s, top);
         for (int r = SplatRow::first(s, top); r <= behind; ++r) {
             const SplatRow here(s, top + r, left, through[r], stop);
@@ -42,13 +43,13 @@ void composite_tile(int tile, wp::array_t<float> shown, wp::array_t<int> entries
     }
 }
 
-// needs TILE, SHOWN, SLOPES, FAINT, MOST, Seen
+// needs TILE, SHOWN, SLOPES, FAINT, MOST, Tiles, Seen
 // Compute the gradients of the entries of a tile, front to back.
-void trace_tile(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<int> entries,
-                wp::array_t<int> sources, wp::array_t<int> ranges, int width, int height,
-                float stop, Seen seen, wp::array_t<float> slopes) {
+void trace_tile(int tile, Seen d_seen, Tiles tiles, Seen seen, wp::array_t<float> slopes) {
 #pragma clang fp contract(off)
     using Lanes = SplatRow::Lanes;
+    const int width = tiles.width, height = tiles.height;
+    const float stop = tiles.stop;
     const int columns = (width + TILE - 1) / TILE;
     const int top = tile / columns * TILE, left = tile % columns * TILE;
     const Lanes none = 0.0f;
@@ -67,14 +68,14 @@ void trace_tile(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<int
             rest[r][k] = total + g[3][r][k] * seen.opacity.data[ray];
         }
     }
-    const int begin = ranges.data[tile], end = ranges.data[tile + 1];
+    const int begin = tiles.ranges.data[tile], end = tiles.ranges.data[tile + 1];
     bool alive = true;
     for (int place = begin; place < end; ++place) {
-        float* to = slopes.data + (size_t)SLOPES * sources.data[place];
+        float* to = slopes.data + (size_t)SLOPES * tiles.sources.data[place];
         if (alive && (place - begin) % 8 == 7) alive = SplatRow::alive(through, stop);
         Lanes sums[SLOPES];
         for (int n = 0; n < SLOPES; ++n) sums[n] = none;
-        const float* s = shown.data + (size_t)SHOWN * entries.data[place];
+        const float* s = tiles.shown.data + (size_t)SHOWN * tiles.entries.data[place];
         const int behind = alive ? SplatRow::last(s, top) : -1;
         for (int r = SplatRow::first(s, top); r <= behind; ++r) {
             const SplatRow here(s, top + r, left, through[r], stop);

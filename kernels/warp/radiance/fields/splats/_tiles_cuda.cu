@@ -1,9 +1,10 @@
-// needs TILE, SHOWN, FAINT, MOST, Seen
+// needs TILE, SHOWN, FAINT, MOST, Tiles, Seen
 // Composite the pixels of a tile, front to back; all threads of a block come here.
-void composite_pixel(int tile, wp::array_t<float> shown, wp::array_t<int> entries,
-                     wp::array_t<int> ranges, int width, int height, float stop, Seen seen) {
+void composite_pixel(int tile, Tiles tiles, Seen seen) {
     // A warp takes 8 x 4 pixels, so that it can leave out splats that do not reach these.
     __shared__ float4 batch[TILE * TILE][SHOWN / 4];
+    const int width = tiles.width, height = tiles.height;
+    const float stop = tiles.stop;
     const int columns = (width + TILE - 1) / TILE, lane = threadIdx.x & 31;
     const int warp = threadIdx.x >> 5, across = tile % columns * TILE + (warp & 1) * 8;
     const int along = tile / columns * TILE + (warp >> 1) * 4;
@@ -11,12 +12,13 @@ void composite_pixel(int tile, wp::array_t<float> shown, wp::array_t<int> entrie
     const bool inside = column < width && row < height;
     const float middle_x = across + 3.5f, middle_y = along + 1.5f;
     float red = 0.0f, green = 0.0f, blue = 0.0f, far = 0.0f, through = inside ? 1.0f : 0.0f;
-    const int end = ranges.data[tile + 1];
-    for (int begin = ranges.data[tile]; begin < end; begin += TILE * TILE) {
+    const int end = tiles.ranges.data[tile + 1];
+    for (int begin = tiles.ranges.data[tile]; begin < end; begin += TILE * TILE) {
         if (!__syncthreads_or(through > stop)) break;
         if (begin + threadIdx.x < end) {
             const float4* from =
-                (const float4*)(shown.data + (size_t)SHOWN * entries.data[begin + threadIdx.x]);
+                (const float4*)(tiles.shown.data +
+                                (size_t)SHOWN * tiles.entries.data[begin + threadIdx.x]);
 #pragma unroll
             for (int k = 0; k < SHOWN / 4; ++k) batch[threadIdx.x][k] = __ldg(from + k);
         }
@@ -48,14 +50,14 @@ void composite_pixel(int tile, wp::array_t<float> shown, wp::array_t<int> entrie
     seen.depth.data[ray] = far;
 }
 
-// needs TILE, SHOWN, SLOPES, FAINT, MOST, BATCH, Seen
+// needs TILE, SHOWN, SLOPES, FAINT, MOST, BATCH, Tiles, Seen
 // Compute the gradients of the entries of a tile, front to back; all threads of a block come here.
-void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<int> entries,
-                 wp::array_t<int> sources, wp::array_t<int> ranges, int width, int height,
-                 float stop, Seen seen, wp::array_t<float> slopes) {
+void trace_pixel(int tile, Seen d_seen, Tiles tiles, Seen seen, wp::array_t<float> slopes) {
     // The sums over the pixels of each warp are kept for BATCH splats, then added in one order.
     __shared__ float4 batch[BATCH][SHOWN / 4];
     __shared__ float sums[BATCH][TILE * TILE / 32][SLOPES];
+    const int width = tiles.width, height = tiles.height;
+    const float stop = tiles.stop;
     const int columns = (width + TILE - 1) / TILE, lane = threadIdx.x & 31;
     const int warp = threadIdx.x >> 5, across = tile % columns * TILE + (warp & 1) * 8;
     const int along = tile / columns * TILE + (warp >> 1) * 4;
@@ -78,13 +80,23 @@ void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<in
     const bool mine = (lane & 1) == 0 && (lane >> 2 & 1) + (lane >> 1 & 1) < 2 && part < 5 &&
                       part + 5 * (lane >> 4) < SLOPES;
     const int number = part + 5 * (lane >> 4);
-    const int end = ranges.data[tile + 1];
-    for (int begin = ranges.data[tile]; begin < end; begin += BATCH) {
+    const auto fold = [lane](float* v, const int count, const int bit) {
+        const bool high = lane & bit;
+#pragma unroll
+        for (int k = 0; k < 5; ++k) {
+            if (k >= count) continue;
+            const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + count], bit);
+            v[k] = (high ? v[k + count] : v[k]) + other;
+        }
+    };
+    const int end = tiles.ranges.data[tile + 1];
+    for (int begin = tiles.ranges.data[tile]; begin < end; begin += BATCH) {
         const bool alive = __syncthreads_or(through > stop);
         const int count = min(BATCH, end - begin);
         if (threadIdx.x < count) {
             const float4* from =
-                (const float4*)(shown.data + (size_t)SHOWN * entries.data[begin + threadIdx.x]);
+                (const float4*)(tiles.shown.data +
+                                (size_t)SHOWN * tiles.entries.data[begin + threadIdx.x]);
 #pragma unroll
             for (int k = 0; k < SHOWN / 4; ++k) batch[threadIdx.x][k] = __ldg(from + k);
         }
@@ -124,29 +136,12 @@ void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<in
                 v[8] = weight * g[2];
                 through = left;
             }
-#pragma unroll
-            for (int k = 0; k < 5; ++k) {
-                const bool high = lane & 16;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 5], 16);
-                v[k] = (high ? v[k + 5] : v[k]) + other;
-            }
+            fold(v, 5, 16);
             v[5] = 0.0f;
-#pragma unroll
-            for (int k = 0; k < 3; ++k) {
-                const bool high = lane & 8;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 3], 8);
-                v[k] = (high ? v[k + 3] : v[k]) + other;
-            }
+            fold(v, 3, 8);
             v[3] = 0.0f;
-#pragma unroll
-            for (int k = 0; k < 2; ++k) {
-                const bool high = lane & 4;
-                const float other = __shfl_xor_sync(0xffffffffu, high ? v[k] : v[k + 2], 4);
-                v[k] = (high ? v[k + 2] : v[k]) + other;
-            }
-            const bool high = lane & 2;
-            const float other = __shfl_xor_sync(0xffffffffu, high ? v[0] : v[1], 2);
-            v[0] = (high ? v[1] : v[0]) + other;
+            fold(v, 2, 4);
+            fold(v, 1, 2);
             v[0] += __shfl_xor_sync(0xffffffffu, v[0], 1);
             if (mine) sums[n][warp][number] = v[0];
         }
@@ -157,7 +152,7 @@ void trace_pixel(int tile, Seen d_seen, wp::array_t<float> shown, wp::array_t<in
 #pragma unroll
             for (int w = 0; w < TILE * TILE / 32; ++w) total += sums[n][w][of];
             if (of == 5) total /= batch[n][1].y;
-            slopes.data[(size_t)SLOPES * sources.data[begin + n] + of] = total;
+            slopes.data[(size_t)SLOPES * tiles.sources.data[begin + n] + of] = total;
         }
     }
 }

@@ -10,6 +10,8 @@ from cvkern.kernels.codes import splats as codes
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._structs import Seen
 
+from ._structs import Tiles
+
 wp.set_module_options({"enable_backward": False})
 
 BATCH = 32  # splats whose gradients a block keeps at a time
@@ -19,6 +21,7 @@ _RULES = {
     "SHOWN": codes.SHOWN,
     "FAINT": f"{codes.FAINT:.9g}f",
     "MOST": f"{codes.MOST:.9g}f",
+    "Tiles": Tiles.native_name,
     "Seen": Seen.native_name,
 }
 
@@ -26,12 +29,7 @@ _RULES = {
 @_native.func_native("_tiles_cuda.cu", **_RULES)
 def composite_pixel(
     tile: int,
-    shown: wp.array2d[float],
-    entries: wp.array[int],
-    ranges: wp.array[int],
-    width: int,
-    height: int,
-    stop: float,
+    tiles: Tiles,
     seen: Seen,
 ): ...
 
@@ -40,13 +38,7 @@ def composite_pixel(
 def trace_pixel(
     tile: int,
     d_seen: Seen,
-    shown: wp.array2d[float],
-    entries: wp.array[int],
-    sources: wp.array[int],
-    ranges: wp.array[int],
-    width: int,
-    height: int,
-    stop: float,
+    tiles: Tiles,
     seen: Seen,
     slopes: wp.array2d[float],
 ): ...
@@ -54,35 +46,21 @@ def trace_pixel(
 
 @wp.kernel
 def composite(
-    shown: wp.array2d[float],  # (N, 12)
-    entries: wp.array[int],  # (E,)
-    ranges: wp.array[int],  # (T + 1,)
-    width: int,
-    height: int,
-    stop: float,
+    tiles: Tiles,
     # outputs
     seen: Seen,
 ):
     """Composite a pixel."""
-    composite_pixel(wp.tid() // AREA, shown, entries, ranges, width, height, stop, seen)
+    composite_pixel(wp.tid() // AREA, tiles, seen)
 
 
 @wp.kernel
 def trace(
     d_seen: Seen,
-    shown: wp.array2d[float],  # (N, 12)
-    entries: wp.array[int],  # (E,)
-    sources: wp.array[int],  # (E,)
-    ranges: wp.array[int],  # (T + 1,)
-    width: int,
-    height: int,
-    stop: float,
+    tiles: Tiles,
     seen: Seen,
     # outputs
     slopes: wp.array2d[float],  # (E, 9)
 ):
     """Compute a pixel's share of gradients."""
-    trace_pixel(
-        wp.tid() // AREA, d_seen, shown, entries, sources, ranges, width, height, stop, seen,
-        slopes,
-    )  # fmt: skip
+    trace_pixel(wp.tid() // AREA, d_seen, tiles, seen, slopes)

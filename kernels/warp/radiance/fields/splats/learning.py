@@ -28,7 +28,7 @@ def restrain_kernel(
     # outputs
     d_splats: Splats,
 ):
-    """Add what opacity and sizes cost."""
+    """Add the gradients of the costs of opacities and sizes."""
     for n in range(first + wp.tid(), last, stride):
         o = 1.0 / (1.0 + exponential(-splats.opacities[n, 0]))
         d_splats.opacities[n, 0] = d_splats.opacities[n, 0] + opacity * (o * (1.0 - o))
@@ -89,7 +89,7 @@ def wander_kernel(
 def wander(
     rate: wp.array, strength: float, seed: int, step: wp.array, splats: codes.Splats
 ) -> None:
-    """Move splats that are hardly seen at random, the farther the larger they are."""
+    """Move faint splats at random; larger ones move farther."""
     count = splats.means.shape[0]
     inputs = [rate, strength, seed, step]
     launch_each(wander_kernel, count, 32 * count, inputs, [struct_of(Splats, splats)])
@@ -143,9 +143,9 @@ def relocate(
 ) -> None:
     """Make M splats copies of others, and forget Adam's moments of them.
 
-    `rows` (M, 2) int32 has the splats that change, each once, and those that they become; the
-    latter do not change, but for those that become themselves. `numbers` (M, 2) are their
-    opacities, before the logistic function, and what is added to the logarithms of their sizes.
+    `rows` (M, 2) int32 has the splats that change, each once, and the splats that they copy. A
+    splat that copies itself changes too; the other sources do not change. `numbers` (M, 2) are
+    their opacities, before the logistic function, and the changes of the logarithms of their sizes.
     """
     count = rows.shape[0]
     outputs = [struct_of(Splats, s) for s in (splats, mean, square)]

@@ -16,6 +16,7 @@ from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._structs import Seen
 
 from . import _tiles_cuda as cuda
+from ._structs import Tiles
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -26,6 +27,7 @@ _RULES = {
     "SHOWN": codes.SHOWN,
     "FAINT": f"{codes.FAINT:.9g}f",
     "MOST": f"{codes.MOST:.9g}f",
+    "Tiles": Tiles.native_name,
     "Seen": Seen.native_name,
 }
 
@@ -37,12 +39,7 @@ def _kernels() -> tuple[wp.Kernel, wp.Kernel]:
     @_native.each("_tiles_cpu.h", **_RULES)
     def composite_tile(
         tile: int,
-        shown: wp.array2d[float],
-        entries: wp.array[int],
-        ranges: wp.array[int],
-        width: int,
-        height: int,
-        stop: float,
+        tiles: Tiles,
         seen: Seen,
     ): ...
 
@@ -50,13 +47,7 @@ def _kernels() -> tuple[wp.Kernel, wp.Kernel]:
     def trace_tile(
         tile: int,
         d_seen: Seen,
-        shown: wp.array2d[float],
-        entries: wp.array[int],
-        sources: wp.array[int],
-        ranges: wp.array[int],
-        width: int,
-        height: int,
-        stop: float,
+        tiles: Tiles,
         seen: Seen,
         slopes: wp.array2d[float],
     ): ...
@@ -64,25 +55,14 @@ def _kernels() -> tuple[wp.Kernel, wp.Kernel]:
     return composite_tile, trace_tile
 
 
-def composite(
-    shown: wp.array,
-    entries: wp.array,
-    ranges: wp.array,
-    width: int,
-    height: int,
-    stop: float,
-    seen: radiance.Seen,
-) -> None:
-    """Composite all pixels of a picture; a ray ends where the share of light falls to `stop`.
-
-    `shown` is that of `Screen`, `entries` and `ranges` are those of `Lists`.
-    """
-    tiles = ranges.shape[0] - 1
-    inputs, outputs = [shown, entries, ranges, width, height, stop], [struct_of(Seen, seen)]
-    if ranges.device.is_cuda:
-        launch(cuda.composite, tiles * TILE * TILE, inputs, outputs, TILE * TILE)
+def composite(tiles: codes.Tiles, seen: radiance.Seen) -> None:
+    """Composite all pixels of a picture."""
+    count = tiles.ranges.shape[0] - 1
+    inputs, outputs = [struct_of(Tiles, tiles)], [struct_of(Seen, seen)]
+    if tiles.ranges.device.is_cuda:
+        launch(cuda.composite, count * TILE * TILE, inputs, outputs, TILE * TILE)
         return
-    launch_slabs(_kernels()[0], tiles, _slabs(tiles), inputs, outputs)
+    launch_slabs(_kernels()[0], count, _slabs(count), inputs, outputs)
 
 
 def _slabs(tiles: int) -> int:
@@ -92,26 +72,16 @@ def _slabs(tiles: int) -> int:
 
 
 def composite_backward(
-    d_seen: radiance.Seen,
-    shown: wp.array,
-    lists: codes.Lists,
-    width: int,
-    height: int,
-    stop: float,
-    seen: radiance.Seen,
-    slopes: wp.array,
+    d_seen: radiance.Seen, tiles: codes.Tiles, seen: radiance.Seen, slopes: wp.array
 ) -> None:
     """Compute the gradients of entries by the first numbers of `shown`, `slopes` (E, 9).
 
     `d_seen` are gradients by colours and opacities of `seen`; depths have none. The end of a ray is
     treated as constant.
     """
-    tiles = lists.ranges.shape[0] - 1
-    inputs = [
-        struct_of(Seen, d_seen), shown, lists.entries, lists.sources, lists.ranges, width, height,
-        stop, struct_of(Seen, seen),
-    ]  # fmt: skip
+    count = tiles.ranges.shape[0] - 1
+    inputs = [struct_of(Seen, d_seen), struct_of(Tiles, tiles), struct_of(Seen, seen)]
     if slopes.device.is_cuda:
-        launch(cuda.trace, tiles * TILE * TILE, inputs, [slopes], TILE * TILE)
+        launch(cuda.trace, count * TILE * TILE, inputs, [slopes], TILE * TILE)
         return
-    launch_slabs(_kernels()[1], tiles, _slabs(tiles), inputs, [slopes])
+    launch_slabs(_kernels()[1], count, _slabs(count), inputs, [slopes])

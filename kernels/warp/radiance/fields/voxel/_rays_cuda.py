@@ -28,7 +28,7 @@ WALK = {"MOST_LOG_DENSITY": f"{MOST_LOG_DENSITY}f", **NATIVE}
 
 @wp.func_native("return blockIdx.x * (blockDim.x / 32) + threadIdx.x / 32;")
 def warp_number() -> int:
-    """Return what `wp.tid() // 32` is, in fewer instructions."""
+    """Return `wp.tid() // 32`, in fewer instructions."""
     ...
 
 

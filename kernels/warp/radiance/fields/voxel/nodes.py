@@ -119,15 +119,18 @@ def total_variation(
     `density` and `d_density` are (N, N, N), `color` and `d_color` (N, N, N, C).
     """
     side, width = density.shape[0], color.shape[3]
-    weights, grid = [weight_density, weight_color], [touched, density, color]
-    outputs = [d_density, d_color]
+    weights = [weight_density, weight_color]
     if density.device.is_cuda:
-        inputs = [*weights, *map(_flat, grid), side, width]
+        inputs = [*weights, *map(_flat, (touched, density, color)), side, width]
+        outputs = [_flat(d_density), _flat(d_color)]
         count = nodes.threads(density.size)
-        launch(nodes.total_variation, count, inputs, [_flat(a) for a in outputs], nodes.BLOCK)
+        launch(nodes.total_variation, count, inputs, outputs, nodes.BLOCK)
     else:
-        kernel = planes.kernels(width).total_variation
-        launch_slabs(kernel, side, _planes(side), [*weights, *grid], outputs)
+        kernels = planes.kernels(width)
+        rows = [view(a, kernels.row, (density.size,)) for a in (color, d_color)]
+        inputs = [*weights, side, _flat(touched), _flat(density), rows[0]]
+        outputs = [_flat(d_density), rows[1]]
+        launch_slabs(kernels.total_variation, side, _planes(side), inputs, outputs)
 
 
 def adam(
@@ -147,12 +150,15 @@ def adam(
     """
     side, width = touched.shape[0], color.weights.shape[3]
     rates = [rate_density, rate_color, factor, struct_of(AdamRule, rule)]
-    outputs = [_flat(touched), *(struct_of(Learnt, map(_flat, a)) for a in (density, color))]
+    outputs = [_flat(touched), struct_of(Learnt, map(_flat, density))]
     if touched.device.is_cuda:
         count = nodes.threads(touched.size)
-        launch(nodes.adam, count, [*rates, width], outputs, nodes.BLOCK)
+        colors = struct_of(Learnt, map(_flat, color))
+        launch(nodes.adam, count, [*rates, width], [*outputs, colors], nodes.BLOCK)
     else:
-        launch_slabs(planes.kernels(width).adam, side, _planes(side), [side, *rates], outputs)
+        kernels = planes.kernels(width)
+        rows = struct_of(kernels.learnt, (view(a, kernels.row, (touched.size,)) for a in color))
+        launch_slabs(kernels.adam, side, _planes(side), [side, *rates], [*outputs, rows])
 
 
 def mark(density: wp.array, cells: int, least: float, bits: wp.array) -> None:
