@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -172,9 +173,10 @@ class _Tile:
         sums = [rt.scratch(f"panorama.sum{k}", s) for k, s in enumerate(sizes)]
         for array in (*totals, *sums):
             rt.clear(array)
-        images = read_ahead([self.given.images[name] for name, _ in self.parts])
-        for image, (name, bounds) in zip(images, self.parts, strict=True):
-            self._add(image, name, bounds, totals, sums)
+        given = [self.given.images[name] for name, _ in self.parts]
+        with contextlib.closing(read_ahead(given)) as images:
+            for image, (name, bounds) in zip(images, self.parts, strict=True):
+                self._add(image, name, bounds, totals, sums)
         kernels = rt.panorama.blending
         for level in range(bands, -1, -1):
             coarser = totals[min(level + 1, bands)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
@@ -69,8 +69,11 @@ def pixels(image: Any) -> Any:
     return image.read() if hasattr(image, "read") else image
 
 
-def read_ahead(images: Sequence[Any]) -> Iterator[Any]:
-    """Yield the arrays of images; of those on disk, the next one is read meanwhile."""
+def read_ahead(images: Sequence[Any]) -> Generator[Any, None, None]:
+    """Yield the arrays of images; of those on disk, the next one is read meanwhile.
+
+    Whoever does not take all of them must close the generator, which waits for its thread.
+    """
     if not any(hasattr(image, "read") for image in images):
         yield from images
         return

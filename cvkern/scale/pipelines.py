@@ -1,10 +1,14 @@
-"""Tiles on their way: one thread reads ahead, and one writes while the next are computed."""
+"""Tiles on their way: one thread reads ahead, and one writes while the next are computed.
+
+Whoever takes less than all that one of these generators yields must close it, which waits for its
+threads. Python would close it later, in any thread, and hang if that one is being started.
+"""
 
 from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
@@ -23,7 +27,7 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 
-def ahead(parts: list[T], read: Callable[[T], U]) -> Iterator[tuple[T, U]]:
+def ahead(parts: list[T], read: Callable[[T], U]) -> Generator[tuple[T, U], None, None]:
     """Yield each part with its pixels, while the next one is being read."""
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(read, parts[0]) if parts else None
@@ -40,7 +44,7 @@ def computed(
     read: Callable[[Tile], Read],
     compute: Callable[[Band, list[Read]], T],
     places: list[str],
-) -> Iterator[tuple[Band, T]]:
+) -> Generator[tuple[Band, T], None, None]:
     """Yield each band with what was computed of it, in order; the devices take bands in turn."""
     backend, _ = choice()  # other threads do not inherit it
 
@@ -48,12 +52,13 @@ def computed(
         with use(backend, place):
             return compute(band, found)
 
-    coming = ahead(bands, lambda band: [read(tile) for tile in band])
-    if len(places) == 1:
-        for band, found in coming:
-            yield band, on(places[0], band, found)
-        return
     with contextlib.ExitStack() as stack:
+        coming = ahead(bands, lambda band: [read(tile) for tile in band])
+        stack.callback(coming.close)
+        if len(places) == 1:
+            for band, found in coming:
+                yield band, on(places[0], band, found)
+            return
         # A thread for each device, which keeps its scratch memory.
         threads = [stack.enter_context(ThreadPoolExecutor(1)) for _ in places]
         running: deque[tuple[Band, Future[T]]] = deque()
@@ -69,7 +74,7 @@ def computed(
 
 def written(
     found: Iterable[tuple[Band, T]], write: Callable[[Band, T], list[U]]
-) -> Iterator[tuple[Tile, U]]:
+) -> Generator[tuple[Tile, U], None, None]:
     """Yield each tile with what `write` returns for it, while the next band is computed."""
     with ThreadPoolExecutor(1) as pool:
         last: tuple[Band, Future[list[U]]] | None = None
@@ -86,9 +91,10 @@ def told(
     tiles: list[Tile],
     read: Callable[[Tile], Read],
     progress: Callable[[int, int], object] | None,
-) -> Iterator[tuple[Tile, np.ndarray, dict[str, np.ndarray]]]:
+) -> Generator[tuple[Tile, np.ndarray, dict[str, np.ndarray]], None, None]:
     """Yield the tiles of one image with their pixels, and tell how many are finished."""
-    for n, (tile, ((window,), beside)) in enumerate(ahead(tiles, read)):
-        yield tile, window, beside
-        if progress:
-            progress(n + 1, len(tiles))
+    with contextlib.closing(ahead(tiles, read)) as coming:
+        for n, (tile, ((window,), beside)) in enumerate(coming):
+            yield tile, window, beside
+            if progress:
+                progress(n + 1, len(tiles))

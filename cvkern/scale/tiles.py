@@ -150,11 +150,12 @@ def apply(
     if name in VOTES:
         if journal is not None or target is not None:
             raise ValueError(f"journal and target must be None for {name}")
-        if name == "hough_line":
-            return line_votes(told(tiles, read, progress), shape[:2], options)
-        if "orientation" not in maps:
+        if name != "hough_line" and "orientation" not in maps:
             raise ValueError("orientation must be given in tiles, with a mask of edges, got None")
-        return shape_votes(name, told(tiles, read, progress), shape[:2], options)
+        with contextlib.closing(told(tiles, read, progress)) as parts:
+            if name == "hough_line":
+                return line_votes(parts, shape[:2], options)
+            return shape_votes(name, parts, shape[:2], options)
     seams = Seams(shape[:2]) if name == "canny" else None
     plan = {"function": name, "shape": shape, "tile": sides, "options": options}
     book = Journal(journal, plan | {"maps": sorted(maps)})
@@ -167,13 +168,16 @@ def apply(
     with _Job(name, target, shape, sides, (*sources, *maps.values()), options) as job:
         waiting = [t for t in tiles if book.kept(t.number) is None]
         bands = bands_of(waiting, shape[1] if job.gathers else 0)
-        found = computed(bands, read, job.compute, places)
-        for n, (part, kept) in enumerate(written(found, job.write)):
-            if seams and journal is None:
-                seams.add(part.inner, kept)
-            book.note(part.number, kept)
-            if progress:
-                progress(len(tiles) - len(waiting) + n + 1, len(tiles))
+        with (
+            contextlib.closing(computed(bands, read, job.compute, places)) as found,
+            contextlib.closing(written(found, job.write)) as parts,
+        ):
+            for n, (part, kept) in enumerate(parts):
+                if seams and journal is None:
+                    seams.add(part.inner, kept)
+                book.note(part.number, kept)
+                if progress:
+                    progress(len(tiles) - len(waiting) + n + 1, len(tiles))
         targets = [writer.target for writer in job.writers]
         if seams:
             if journal is not None:

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from typing import Any
 
@@ -202,6 +203,22 @@ def test_files_are_read_and_written_in_place(tmp_path):
     assert all(one is target for one, target in zip(got, targets, strict=True))
     same(tuple(np.load(tmp_path / f"{n}.npy") for n in range(4)), tuple(cvkern.gradient(noise())))
     assert seen == [(n, 4) for n in (1, 2, 3, 4)]
+
+
+@pytest.mark.parametrize("name", ["gaussian", "hough_line"])
+def test_no_thread_outlives_a_failure(name):
+    """Or Python ends it when it collects the traceback, in any thread, which may hang."""
+
+    def stop(done, of):
+        raise KeyError(done)
+
+    image = np.zeros((60, 70), np.uint8)
+    apply(name, image, tile=20)  # starts the threads of kernels
+    before = threading.active_count()
+    with pytest.raises(KeyError) as caught:
+        apply(name, image, tile=20, progress=stop)
+    assert caught.traceback  # holds what was not closed
+    assert threading.active_count() == before
 
 
 def test_arrays_of_dask(tmp_path):
