@@ -155,13 +155,13 @@ def _fitted(
     wanted = color - (opacity - found[:, 3])[:, None] * model.behind
     least, most = pixels[:, :3] == 0, pixels[:, :3] == 255
     start = light = np.eye(3, 4)
+    rest, ridge = wanted - found @ start.T, RIDGE * share.sum() * np.eye(4)
     for _ in range(ROUNDS):
         error = found @ light.T - wanted
         counts = share * ~((most & (error > 0)) | (least & (error < 0)))
-        system = np.einsum("nk,ni,nj->kij", counts, found, found)
-        system += RIDGE * share.sum() * np.eye(4)
-        right = np.einsum("nk,ni,nk->ki", counts, found, wanted - found @ start.T)
-        light = start + np.linalg.solve(system, right[..., None])[..., 0]
+        weighed = counts.T[:, None] * found.T  # (3, 4, N)
+        system = weighed @ found + ridge
+        light = start + np.linalg.solve(system, weighed @ rest.T[..., None])[..., 0]
     return light
 
 
