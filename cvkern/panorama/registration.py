@@ -89,7 +89,7 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
     """Check the images and return them as arrays, without running a kernel."""
     if isinstance(images, np.ndarray) and images.ndim < 3:
         raise ValueError("images must be a sequence of arrays, got one array")
-    if not isinstance(images, Iterable):
+    if not isinstance(images, Iterable) or isinstance(images, memoryview):
         raise TypeError(f"images must be a sequence of arrays, got {type(images).__name__}")
     checked = []
     for i, image in enumerate(images):
