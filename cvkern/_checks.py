@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence, Set
 from enum import IntEnum
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -96,19 +96,33 @@ def _brief(value: Any) -> str:
 
 
 def as_items(values: Any, name: str, rule: str) -> tuple[Any, ...]:
-    """Return the items of a sequence; `rule` describes them in the message."""
+    """Return the items of a sequence; `rule` describes them in the message.
+
+    Text and mappings are no sequences, and sets have no order. The items of a data frame are its
+    rows: when it is iterated, it gives the names of its columns.
+    """
     try:
+        if isinstance(values, (str, bytes, bytearray, Mapping, Set)):
+            raise TypeError
         # The items of a buffer would be Python's, of an array NumPy's: True is an integer or not.
-        return tuple(np.asarray(values) if isinstance(values, memoryview) else values)
+        if isinstance(values, memoryview) or _is_frame(values):
+            values = np.asarray(values)
+        return tuple(values)
     except Exception:  # another library may raise anything when asked for its values
         raise TypeError(f"{name} must be {rule}, got {_brief(values)}") from None
+
+
+def _is_frame(values: Any) -> bool:
+    """Tell whether NumPy reads an object that is no array of a library."""
+    known = isinstance(values, (list, tuple, np.ndarray)) or not hasattr(values, "__array__")
+    return not known and _arrays.library(values) is _arrays.NUMPY
 
 
 def check_rows_columns(shape: Any, of: str) -> tuple[Any, Any]:
     """Return the two items of a shape; `of` names the counted things in the message."""
     try:
-        rows, columns = shape
-    except Exception:  # another library may raise anything when asked for its values
+        rows, columns = as_items(shape, "shape", "rows and columns")
+    except (TypeError, ValueError):
         raise ValueError(f"shape must be rows and columns of {of}, got {_brief(shape)}") from None
     return rows, columns
 
@@ -298,7 +312,8 @@ def check_pair(value: Any, name: str) -> tuple[Any, Any]:
 def check_disparities(disparities: Any, width: int) -> tuple[int, int]:
     """Return the first disparity and the one after the last, for images of `width` columns."""
     try:
-        first, stop = (operator.index(d) for d in disparities)
+        given = as_items(disparities, "disparities", "two integers")
+        first, stop = (operator.index(d) for d in given)
     except Exception:  # another library may raise anything when asked for its values
         raise TypeError(
             f"disparities must be two integers, the first and the one after the last, "

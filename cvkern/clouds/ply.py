@@ -129,7 +129,8 @@ def read_vertices(path: str | os.PathLike[str]) -> np.ndarray:
                 lines = [stream.readline().split() for _ in range(min(count, file.stat().st_size))]
                 table: Any = np.array([tuple(line[: len(row)]) for line in lines], row)
             else:
-                table = np.fromfile(stream, row, min(count, file.stat().st_size))
+                most = (file.stat().st_size - stream.tell()) // max(row.itemsize, 1)
+                table = np.fromfile(stream, row, min(count, most))
             for name, _, _ in PLACE:
                 table[name]
         except (ValueError, TypeError, LookupError, OverflowError) as error:

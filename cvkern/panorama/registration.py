@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_positive
+from cvkern._checks import as_items, check_image, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._photographs import as_host, white_of
 from cvkern.features.keypoints import Features, sift
@@ -89,10 +89,8 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
     """Check the images and return them as arrays, without running a kernel."""
     if isinstance(images, np.ndarray) and images.ndim < 3:
         raise ValueError("images must be a sequence of arrays, got one array")
-    if not isinstance(images, Iterable) or isinstance(images, memoryview):
-        raise TypeError(f"images must be a sequence of arrays, got {type(images).__name__}")
     checked = []
-    for i, image in enumerate(images):
+    for i, image in enumerate(as_items(images, "images", "a sequence of arrays")):
         image = check_image(image, ndim=(2, 3), name=f"images[{i}]")
         shape = tuple(image.shape)
         if len(shape) == 3 and shape[2] not in (1, 3, 4):

@@ -314,6 +314,21 @@ def check_batch(settings: Any) -> None:
         check_positive(settings.gradient_clip, "gradient_clip")
 
 
+def check_occupancy(settings: Any, state: Mapping[str, np.ndarray], frame: Frame) -> None:
+    """Refuse a state with another occupancy grid, before memory for it is allocated."""
+    count = (LEVELS if frame.bounds.unbounded else 1) * settings.cells**3
+    check_shapes(state, {"occupancy.density": (count,), "occupancy.bits": (count // 32,)})
+
+
+def check_shapes(state: Mapping[str, np.ndarray], shapes: dict[str, tuple[int, ...]]) -> None:
+    """Refuse a state without arrays of these shapes; none is read."""
+    for name, shape in shapes.items():
+        if name not in state:
+            raise ValueError(f"state must have {name!r}, got {tuple(state)}")
+        if shape_of(state, name) != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {shape_of(state, name)}")
+
+
 def taken(
     state: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: Any = np.float32
 ) -> np.ndarray:
@@ -321,10 +336,7 @@ def taken(
 
     Files for rendering only have floats in half precision.
     """
-    if name not in state:
-        raise ValueError(f"state must have {name!r}, got {tuple(state)}")
-    if shape_of(state, name) != tuple(shape):
-        raise ValueError(f"{name} must have shape {tuple(shape)}, got {shape_of(state, name)}")
+    check_shapes(state, {name: tuple(shape)})
     found = state[name]
     if found.dtype == np.float16 and dtype == np.float32:
         return found.astype(np.float32)

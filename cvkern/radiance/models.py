@@ -254,6 +254,8 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     x, y, z = map(float, b["center"])
     bounds = Bounds((x, y, z), float(b["half"]), bool(b["unbounded"]))
     frame = Frame(bounds, *(float(header[name]) for name in ("near", "far", "pixel")))
+    if not (0 <= frame.near < frame.far and frame.pixel > 0 and np.isfinite([x, y, z]).all()):
+        raise ValueError(f"bounds, near, far and pixel must be in range, got {frame}")
     count = arrays.shape("cameras.poses")[0]
     if count > MOST_VIEWS:
         raise ValueError(f"cameras.poses must be at most {MOST_VIEWS}, got {count}")
@@ -274,7 +276,12 @@ def _from(header: dict[str, Any], arrays: checkpoints.Stored) -> Model:
     appearance = header.get("appearance")
     if appearance is not None:
         check_choice(appearance, tuple(APPEARANCES), "appearance")
-    made = built(settings, frame, int(header["seed"]), appearance)
+    if isinstance(settings, (HashField, MLPField, VoxelField)):  # others allocate when restored
+        settings.check_state(arrays.part("state"), frame)
+    try:
+        made = built(settings, frame, int(header["seed"]), appearance)
+    except MemoryError as error:
+        raise ValueError(f"its settings must fit into memory, got {settings}: {error}") from None
     check_integer(training.step, "step", 0, 2**31 - 1)
     check_integer(training.rays, "rays", 0, made.rays)  # more would exceed the kernels' arrays
     made.restore(arrays.part("state"))

@@ -161,7 +161,13 @@ def files_of(paths: Any) -> list[Path]:
             raise FileNotFoundError(f"paths must be a folder that exists, got {str(folder)!r}")
         files = sorted(f for f in folder.iterdir() if f.suffix.lower() in PHOTOGRAPHS)
     else:
-        files = [as_path(path, "paths") for path in as_items(paths, "paths", "a folder or paths")]
+        rule = "the path of a folder, or a sequence of paths"
+        given = as_items(paths, "paths", rule)
+        wrong = next((path for path in given if not isinstance(path, (str, os.PathLike))), None)
+        if wrong is not None:
+            got = type(wrong).__name__
+            raise TypeError(f"paths must be {rule}, got {got} in {type(paths).__name__}")
+        files = [as_path(path, "paths") for path in given]
     if not files:
         raise ValueError("paths must name at least one image, got none")
     return files

@@ -2,6 +2,7 @@
 
 import importlib.util
 import struct
+import tracemalloc
 from typing import Any
 
 import cv2
@@ -54,6 +55,19 @@ def test_ply(backend, tmp_path):
     read = columns_of(tmp_path / "b.PLY")
     np.testing.assert_array_equal(np.array([read[k] for k in "xyz"], F32).T, points[::-1])
     assert len(read) == 3
+
+
+def test_ply_with_a_head_that_claims_much(tmp_path):
+    """No more is allocated than the file has."""
+    extra = "".join(f"property double p{n}\n" for n in range(200))
+    head = "ply\nformat binary_little_endian 1.0\nelement vertex 1000000\n"
+    head += f"property float x\nproperty float y\nproperty float z\n{extra}end_header\n"
+    (tmp_path / "a.ply").write_bytes(head.encode() + bytes(5000))
+    tracemalloc.start()
+    with pytest.raises(ValueError, match="path must have 1000000 points as it says, got 3"):
+        read_ply(tmp_path / "a.ply")
+    assert tracemalloc.get_traced_memory()[1] < 1_000_000
+    tracemalloc.stop()
 
 
 @pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])

@@ -17,6 +17,7 @@ from cvkern.radiance import (
     fit,
     load_model,
     make_scene,
+    models,
     psnr,
     render,
 )
@@ -233,6 +234,37 @@ def test_wrong_versions_shapes_and_names(model, tmp_path):
             load_model(rewritten(source, target, marks=marks))
     with pytest.raises(ValueError, match="path must be a whole model"):  # a pickled object
         load_model(rewritten(source, target, behind=np.array([None, {}], object)))
+
+
+@pytest.mark.parametrize(
+    ("field", "old", "new", "rule"),
+    [
+        (GRID, '"resolutions": [16, 32]', '"resolutions": [384, 400]', "density must have a shape"),
+        (TINY, '"table_bits": 12', '"table_bits": 24', "table.values must have shape"),
+        (TINY, '"cells": 32', '"cells": 512', "occupancy.density must have shape"),
+        (TINY, '"near": ', '"near": -', "near, far and pixel must be in range"),
+        (TINY, '"pixel": ', '"pixel": NaN, "x": ', "near, far and pixel must be in range"),
+    ],
+)
+def test_nothing_is_allocated_for_a_header_that_does_not_fit(
+    scene, tmp_path, monkeypatch, field, old, new, rule
+):
+    source, target = tmp_path / "model.npz", tmp_path / "other.npz"
+    fit(scene, field, steps=1).save(source)
+    rewritten(source, target, header=edited(source, old, new))
+    monkeypatch.setattr(models, "built", None)
+    with pytest.raises(ValueError, match=rule):
+        load_model(target)
+
+
+def test_settings_that_ask_for_too_much_memory(scene, tmp_path, monkeypatch):
+    def too_large(*_):
+        raise MemoryError("Unable to allocate 30 GiB")
+
+    fit(scene, GRID, steps=1).save(tmp_path / "model.npz")
+    monkeypatch.setattr(models, "built", too_large)
+    with pytest.raises(ValueError, match="its settings must fit into memory, got VoxelField"):
+        load_model(tmp_path / "model.npz")
 
 
 def test_files_of_other_kinds(tmp_path):

@@ -39,6 +39,20 @@ def test_data_frames_are_read():
     np.testing.assert_array_equal(got, want)
 
 
+@pytest.mark.parametrize("given", ["ab", b"ab", {3: 4, 5: 6}, {3, 5}, bytearray(2)])
+@pytest.mark.parametrize(
+    ("name", "call"),
+    [
+        ("shape", lambda v: cvkern.detect_chessboard(REAL, v)),
+        ("images", lambda v: cvkern.stitch(v)),
+        ("disparities", lambda v: cvkern.stereo_cost(REAL, REAL, v)),
+    ],
+)
+def test_text_mappings_and_sets_are_no_sequences(name, call, given):
+    with pytest.raises((TypeError, ValueError), match=rf"^{name} must be "):
+        call(given)
+
+
 @pytest.mark.parametrize("name", TAKEN)
 @pytest.mark.parametrize(
     ("value", "message"),

@@ -16,6 +16,19 @@ from cvkern.images import read_image, write_image
 from cvkern.scale import engines, map_images
 
 
+class Table:
+    """A data frame: when it is iterated, it gives the names of its columns."""
+
+    def __init__(self, shape):
+        self.shape = shape
+
+    def __array__(self, dtype=None, copy=None):
+        return np.full(self.shape, "a.png")
+
+    def __iter__(self):
+        return iter(("first.png", "second.png"))
+
+
 def heap(folder, number=6):
     folder.mkdir()
     for n in range(number):
@@ -173,7 +186,12 @@ def test_a_full_disk_is_the_reason(tmp_path, monkeypatch, suffix):
     [
         (ValueError, "function must be one, or the name", {"function": "blur"}),
         (ValueError, "paths must name at least one image", {"paths": []}),
-        (TypeError, "paths must be a folder or paths, got", {"paths": np.uint8(3)}),
+        (TypeError, "paths must be the path of a folder, or a sequence of paths, got array",
+         {"paths": np.uint8(3)}),
+        (TypeError, "paths must be .* sequence of paths, got {'a.png': 1}",
+         {"paths": {"a.png": 1}}),
+        (TypeError, "paths must be .* sequence of paths, got ndarray in Table",
+         {"paths": Table(shape=(2, 3))}),
         (ValueError, "paths must have different names, got 'a' twice",
          {"paths": ["a.png", "a.jpg"]}),
         (ValueError, "engine must be 'threads', 'processes', 'dask', 'ray' or a client",

@@ -21,7 +21,15 @@ from cvkern.kernels.codes.radiance import (
 )
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
-from cvkern.radiance.march import CELLS, STEPS, SampledField, Samples, check_batch
+from cvkern.radiance.march import (
+    CELLS,
+    STEPS,
+    SampledField,
+    Samples,
+    check_batch,
+    check_occupancy,
+    check_shapes,
+)
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 MOST_LIT = 24  # levels with lights: shared memory holds no more weights
@@ -108,6 +116,28 @@ class HashField:
         if self.table_decay is not None:
             check_number(self.table_decay, "table_decay", low=0.0)
 
+    def grids(self, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+        """Return the cells of the grids along a side, and the first entry of each in the table.
+
+        The number of all entries is the last item of the second array. Both are int32.
+        """
+        finest = self.finest
+        if finest is None:
+            # Unbounded space is contracted into a cube of twice the side.
+            side = 4 if frame.bounds.unbounded else 2
+            wanted = round(min(CELLS_OF_PIXEL * side / frame.pixel, FINEST))
+            finest = max(2 * self.coarsest, wanted)
+        growth = (finest / self.coarsest) ** (1 / max(self.levels - 1, 1))
+        resolutions = np.round(self.coarsest * growth ** np.arange(self.levels)).astype(np.int32)
+        corners = (resolutions.astype(np.int64) + 1) ** 3
+        sizes = np.minimum(-(-corners // 8) * 8, 2**self.table_bits)
+        return resolutions, np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
+
+    def check_state(self, state: Mapping[str, np.ndarray], frame: Frame) -> None:
+        """Refuse a state of other sizes, before memory for it is allocated."""
+        check_occupancy(self, state, frame)
+        check_shapes(state, {"table.values": (int(self.grids(frame)[1][-1]), 2)})
+
     def build(self, rt: Runtime, frame: Frame, seed: int, lit: bool = False) -> HashNetwork:
         """Return the field itself, with random parameters; `lit` if its light changes."""
         return HashNetwork(rt, frame, seed, self, lit)
@@ -128,17 +158,7 @@ class HashNetwork(SampledField):
         super().__init__(rt, frame, seed, settings)
         self.gradient_scale = 1.0 if self.half == np.float32 else LIFT
         levels, rng = settings.levels, np.random.default_rng(seed)
-        finest = settings.finest
-        if finest is None:
-            # Unbounded space is contracted into a cube of twice the side.
-            side = 4 if frame.bounds.unbounded else 2
-            wanted = round(min(CELLS_OF_PIXEL * side / frame.pixel, FINEST))
-            finest = max(2 * settings.coarsest, wanted)
-        growth = (finest / settings.coarsest) ** (1 / max(levels - 1, 1))
-        resolutions = np.round(settings.coarsest * growth ** np.arange(levels)).astype(np.int32)
-        corners = (resolutions.astype(np.int64) + 1) ** 3
-        sizes = np.minimum(-(-corners // 8) * 8, 2**settings.table_bits)
-        offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int32)
+        resolutions, offsets = settings.grids(frame)
         self.grids = rt.constant(resolutions), rt.constant(offsets)
         self.table = Parameters(rt, rng.uniform(-1e-4, 1e-4, (int(offsets[-1]), 2)), self.half)
         # The limits of Glorot and Bengio keep the variance of the features through the layers.

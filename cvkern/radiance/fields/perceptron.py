@@ -14,7 +14,7 @@ from cvkern._runtime import Runtime
 from cvkern.kernels.codes.radiance import LIGHT, AdamRule
 from cvkern.radiance.fields.field import Frame, Learning
 from cvkern.radiance.fields.parameters import LIFT, Clip, Parameters
-from cvkern.radiance.march import SampledField, Samples, check_batch
+from cvkern.radiance.march import SampledField, Samples, check_batch, check_occupancy
 
 BETAS, EPSILON, WARMUP = (0.9, 0.999), 1e-8, 100
 VIEW_ROOM = 2**17  # samples of a round of rendering on a GPU, 5 kB each
@@ -102,6 +102,10 @@ class MLPField:
         check_integer(self.frequencies, "frequencies", 1, MOST_FREQUENCIES)
         check_integer(self.view_frequencies, "view_frequencies", 1, MOST_FREQUENCIES)
         check_batch(self)
+
+    def check_state(self, state: Mapping[str, np.ndarray], frame: Frame) -> None:
+        """Refuse a state of other sizes, before memory for it is allocated."""
+        check_occupancy(self, state, frame)
 
     def build(self, rt: Runtime, frame: Frame, seed: int, lit: bool = False) -> MLPNetwork:
         """Return the field itself, with random parameters; `lit` if its light changes."""

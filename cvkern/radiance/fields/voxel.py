@@ -25,7 +25,7 @@ from cvkern.kernels.codes.radiance import (
 )
 from cvkern.radiance.fields.field import Field, Frame, Learning, View
 from cvkern.radiance.fields.parameters import Clip, flat
-from cvkern.radiance.march import STOP, taken
+from cvkern.radiance.march import STOP, check_shapes, taken
 
 BETAS, EPSILON = (0.9, 0.99), 1e-15
 WARMUP = 20  # steps until the learning rates reach their full value
@@ -33,6 +33,7 @@ EVERY = 16  # steps between updates of the empty space
 BLOCK = 4  # cells of the grid along a side of an occupancy cell
 LANES = 16  # the coefficients of a node are padded to a multiple of this
 LIFT = 4096.0  # `Field.gradient_scale` if fixed-point numbers hold gradients
+MEANS = "density.mean", "density.square", "color.mean", "color.square"  # names in a state
 MOST_CELLS = 400  # a larger grid has too many numbers for 32-bit indices
 
 
@@ -132,6 +133,21 @@ class VoxelField:
             raise ValueError(
                 f"first must be above {thin:g}, which counts as empty, got {self.first}"
             )
+
+    def check_state(self, state: Mapping[str, np.ndarray], frame: Frame) -> None:
+        """Refuse a state of another resolution, before memory for it is allocated."""
+        sides = [(n + 1,) * 3 for n in self.resolutions]
+        shape = shape_of(state, "density") if "density" in state else ()
+        if shape not in sides:
+            raise ValueError(f"density must have a shape of {sides}, got {shape}")
+        most, width = math.prod(shape), 3 * (self.degree + 1) ** 2
+        count = math.prod(shape_of(state, "nodes")) if "nodes" in state else 0
+        if count > most:
+            raise ValueError(f"nodes must be at most {most}, got {count}")
+        check_shapes(state, {
+            "nodes": (count,), **dict.fromkeys(MEANS[:2], (count, 1)),
+            **dict.fromkeys((*MEANS[2:], "color"), (count, width)),
+        })  # fmt: skip
 
     def build(self, rt: Runtime, frame: Frame, seed: int) -> VoxelGrid:
         """Return the field itself, initially a uniform grey fog."""
@@ -314,16 +330,11 @@ class VoxelGrid(Field):
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """See :meth:`Field.restore`."""
-        sides = [(n + 1,) * 3 for n in self.settings.resolutions]
-        shape = shape_of(state, "density") if "density" in state else sides[0]
-        if shape not in sides:
-            raise ValueError(f"density must have a shape of {sides}, got {shape}")
-        self._open(sides.index(shape))
+        self.settings.check_state(state, self.frame)
+        shape = shape_of(state, "density")
+        self._open(self.settings.resolutions.index(shape[0] - 1))
         self.rt.write(self.density, taken(state, "density", shape))
-        most = math.prod(shape)
-        count = math.prod(shape_of(state, "nodes")) if "nodes" in state else 0
-        if count > most:
-            raise ValueError(f"nodes must be at most {most}, got {count}")
+        most, (count,) = math.prod(shape), shape_of(state, "nodes")
         nodes = taken(state, "nodes", (count,), np.int32)
         if count and not 0 <= nodes.min() <= nodes.max() < most:
             raise ValueError(f"nodes must be numbers of nodes, got {nodes.min()} to {nodes.max()}")
@@ -338,9 +349,8 @@ class VoxelGrid(Field):
 
     def _arrays(self) -> dict[str, Any]:
         """Return the arrays of nodes that are saved, except the densities."""
-        names = ("density.mean", "density.square", "color.mean", "color.square", "color")
         arrays = (*self._density_means, *self._color_means, self.color)
-        return dict(zip(names, arrays, strict=True))
+        return dict(zip((*MEANS, "color"), arrays, strict=True))
 
 
 def _rows(array: Any) -> Any:
