@@ -47,6 +47,74 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
         if (p == 1.0f) return x;
         return p == 0.0f ? 1.0f : x > 1e-30f ? Powers::exp2(p * Powers::log2(x)) : 0.0f;
     };
+    // Bytes and powers of 1, as by default, need no branches: then four pixels of both rows are
+    // computed side by side. Roots and reciprocals are those of the compiler for normal numbers.
+    struct Plain {
+        enum { YES = 1 };
+    };
+    struct General {
+        enum { YES = 0 };
+    };
+    const bool plain = QUICK && aligned && contrast == 1.0f && saturation == 1.0f && count <= KEPT;
+    const auto root = [](float x) {
+        float r;
+        asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
+        const float s = x * r;
+        const float better = __fmaf_rn(__fmaf_rn(-s, s, x), 0.5f * r, s);
+        return x > 0.0f ? better : 0.0f;
+    };
+    const auto inverse = [](float x) {
+        float r;
+        asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
+        return __fmaf_rn(__fmaf_rn(-x, r, 1.0f), r, r);
+    };
+    const auto weigh = [&](auto kind, int k, int top, int begin, const auto& grey,
+                           const auto& pixels, auto& total) {
+        enum { PLAIN = decltype(kind)::YES };
+        const bool whole = begin + 4 <= width;
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (!PLAIN && top + r >= height) continue;
+            float found[4];
+            for (int i = 0; i < 4; ++i) {
+                // The quotient is exact where all are equal: grey has no saturation.
+                const SUM centre = grey[r + 1][i + 1];
+                const float own = INTEGRAL
+                                      ? __uint_as_float(0x4b000000u | (unsigned)centre) - 8388608.0f
+                                      : (float)centre;
+                const float mean = CHANNELS == 1 ? own
+                                   : INTEGRAL    ? quotient(own, 3.0f, third)
+                                                 : own / 3.0f;
+                const float here = mean * scale;
+                const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
+                const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
+                const SUM bend = around - 4 * centre;
+                const float off =
+                    INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)abs((int)bend)) - 8388608.0f
+                             : fabsf((float)bend);
+                float far = 0.0f, apart = 0.0f;
+                for (int c = 0; c < CHANNELS; ++c) {
+                    const float v = real(pixels[r + 1].v[i * CHANNELS + c]) * scale;
+                    far += (v - 0.5f) * (v - 0.5f);
+                    apart += (v - here) * (v - here);
+                }
+                const float edge = PLAIN ? off * share : power(off * share, contrast);
+                const float spread =
+                    PLAIN ? root(apart * third)
+                          : power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
+                found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
+                total[r][i] += found[i];
+            }
+            float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
+            if (PLAIN || k < KEPT)
+                kept[k][r][threadIdx.x] = make_float4(found[0], found[1], found[2], found[3]);
+            else if (whole && width % 4 == 0)
+                *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
+            else
+                for (int i = 0; i < 4; ++i)
+                    if (begin + i < width) to[i] = found[i];
+        }
+    };
     const int parts = (width + 3) / 4, items = (height + ROWS - 1) / ROWS * parts;
     for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
          item += gridDim.x * blockDim.x) {
@@ -108,53 +176,27 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
                     grey[r][5] = own_sum(row + Mirror::at(begin + 4, width) * CHANNELS);
                 }
             }
-#pragma unroll
-            for (int r = 0; r < ROWS; ++r) {
-                if (top + r >= height) continue;
-                float found[4];
-                for (int i = 0; i < 4; ++i) {
-                    // The quotient is exact where all are equal: grey has no saturation.
-                    const SUM centre = grey[r + 1][i + 1];
-                    const float own =
-                        INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)centre) - 8388608.0f
-                                 : (float)centre;
-                    const float mean = CHANNELS == 1 ? own
-                                       : INTEGRAL    ? quotient(own, 3.0f, third)
-                                                     : own / 3.0f;
-                    const float here = mean * scale;
-                    const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
-                    const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
-                    const SUM bend = around - 4 * centre;
-                    const float off =
-                        INTEGRAL
-                            ? __uint_as_float(0x4b000000u | (unsigned)abs((int)bend)) - 8388608.0f
-                            : fabsf((float)bend);
-                    float far = 0.0f, apart = 0.0f;
-                    for (int c = 0; c < CHANNELS; ++c) {
-                        const float v = real(pixels[r + 1].v[i * CHANNELS + c]) * scale;
-                        far += (v - 0.5f) * (v - 0.5f);
-                        apart += (v - here) * (v - here);
-                    }
-                    const float edge = power(off * share, contrast);
-                    const float spread =
-                        power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
-                    found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
-                    total[r][i] += found[i];
-                }
-                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                if (k < KEPT)
-                    kept[k][r][threadIdx.x] = make_float4(found[0], found[1], found[2], found[3]);
-                else if (whole && width % 4 == 0)
-                    *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
-                else
-                    for (int i = 0; i < 4; ++i)
-                        if (begin + i < width) to[i] = found[i];
-            }
+            if (plain)
+                weigh(Plain(), k, top, begin, grey, pixels, total);
+            else
+                weigh(General(), k, top, begin, grey, pixels, total);
         }
 #pragma unroll
         for (int r = 0; r < ROWS; ++r) {
             if (top + r >= height) continue;
             float reciprocal[4];
+            if (plain) {
+                for (int i = 0; i < 4; ++i) reciprocal[i] = inverse(total[r][i]);
+                for (int k = 0; k < count; ++k) {
+                    const float4 found = kept[k][r][threadIdx.x];
+                    *(float4*)(weights.data + k * size + (size_t)(top + r) * width + begin) =
+                        make_float4(quotient(found.x, total[r][0], reciprocal[0]),
+                                    quotient(found.y, total[r][1], reciprocal[1]),
+                                    quotient(found.z, total[r][2], reciprocal[2]),
+                                    quotient(found.w, total[r][3], reciprocal[3]));
+                }
+                continue;
+            }
             for (int i = 0; i < 4; ++i) reciprocal[i] = 1.0f / total[r][i];
             for (int k = 0; k < count; ++k) {
                 float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
