@@ -118,8 +118,9 @@ int warp_part(int item, wp::array_t<wp::uint8> src, wp::array_t<double> inverse,
                      (word)__double2loint(y)};
     };
     // A homography takes a rectangle whose corners have one sign of w to the quadrangle of their
-    // images. If these are inside, so are all pixels, and no word that they need is beyond.
-    bool inner;
+    // images. If these are inside, so are all pixels, and no word that they need is beyond. If they
+    // are beyond one side, all pixels are `outside`.
+    bool inner, away;
     {
         const double u = lane & 1 ? min(start + WIDE, wide) - 1 : start;
         const double v = lane & 2 ? end - 1 : begin;
@@ -131,13 +132,16 @@ int warp_part(int item, wp::array_t<wp::uint8> src, wp::array_t<double> inverse,
         const bool safe = fabs(m[0]) * u + (fabs(m[1]) * v + fabs(m[2])) < most &&
                           fabs(m[3]) * u + (fabs(m[4]) * v + fabs(m[5])) < most &&
                           fabs(m[6]) * u + (fabs(m[7]) * v + fabs(m[8])) < 0.00390625 * most;
-        const double margin = 0.0009765625;
-        const bool within = x >= margin && x <= (double)last_x - margin && y >= margin &&
-                            y <= (double)last_y - 1.0 - margin;
-        const bool all = __all_sync(~0u, safe && within);
-        inner = all && (__all_sync(~0u, w > 0.0) || __all_sync(~0u, w < 0.0)) &&
-                (size_t)src.data % 4 == 0 && pitch % 4 == 0 && (size_t)dst.data % 4 == 0 &&
-                (C == 4 || wide % 4 == 0) && begin < end;
+        const double margin = 0.0009765625, right = last_x, bottom = last_y;
+        const auto all = [](bool corner) { return __all_sync(~0u, corner); };
+        const bool even = all(safe) && (all(w > 0.0) || all(w < 0.0)) && begin < end &&
+                          (size_t)dst.data % 4 == 0 && (C == 4 || wide % 4 == 0);
+        inner =
+            even && (size_t)src.data % 4 == 0 && pitch % 4 == 0 &&
+            all(x >= margin && x <= right - margin && y >= margin && y <= bottom - 1.0 - margin);
+        away = even && constant &&
+               (all(x <= -margin) || all(x >= right + margin) || all(y <= -margin) ||
+                all(y >= bottom + margin));
     }
     if (inner) {
         // Words wrap around, so the upper halves of START are taken off at once.
@@ -172,6 +176,18 @@ int warp_part(int item, wp::array_t<wp::uint8> src, wp::array_t<double> inverse,
                 }
             }
         }
+        return 0;
+    }
+    if (away) {
+        for (int p = 0; p < planes; ++p)
+            for (int row = begin; row < end; ++row) {
+                wp::uint8* const to = dst.data + (((size_t)p * tall + row) * wide + start) * C;
+                const word joined = Reading::join(outside, phase);
+#pragma unroll
+                for (int k = 0; k < COLUMNS; ++k)
+                    if (writes && column + LANES * k < wide)
+                        *(word*)(to + offset + LANES * k * C) = joined;
+            }
         return 0;
     }
     int left = 0;
