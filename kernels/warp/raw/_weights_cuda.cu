@@ -68,10 +68,17 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
         asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
         return __fmaf_rn(__fmaf_rn(-x, r, 1.0f), r, r);
     };
+    const auto put = [&](const float4& four, int k, int row, int begin) {
+        float* to = weights.data + k * size + (size_t)row * width + begin;
+        const float v[4] = {four.x, four.y, four.z, four.w};
+        if (width % 4 == 0)
+            *(float4*)to = four;
+        else
+            for (int i = 0; i < 4 && begin + i < width; ++i) to[i] = v[i];
+    };
     const auto weigh = [&](auto kind, int k, int top, int begin, const auto& grey,
                            const auto& pixels, auto& total) {
         enum { PLAIN = decltype(kind)::YES };
-        const bool whole = begin + 4 <= width;
 #pragma unroll
         for (int r = 0; r < ROWS; ++r) {
             if (!PLAIN && top + r >= height) continue;
@@ -105,21 +112,41 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
                 found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
                 total[r][i] += found[i];
             }
-            float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
+            const float4 four = make_float4(found[0], found[1], found[2], found[3]);
             if (PLAIN || k < KEPT)
-                kept[k][r][threadIdx.x] = make_float4(found[0], found[1], found[2], found[3]);
-            else if (whole && width % 4 == 0)
-                *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
+                kept[k][r][threadIdx.x] = four;
             else
+                put(four, k, top + r, begin);
+        }
+    };
+    const auto share_out = [&](auto kind, int top, int begin, const auto& total) {
+        enum { PLAIN = decltype(kind)::YES };
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (top + r >= height) continue;
+            float reciprocal[4];
+            for (int i = 0; i < 4; ++i) reciprocal[i] = PLAIN ? inverse(total[r][i]) : 0.0f;
+            for (int k = 0; k < count; ++k) {
+                union {
+                    float4 four;
+                    float v[4];
+                } found;
+                const float* from = weights.data + k * size + (size_t)(top + r) * width + begin;
+                if (PLAIN || k < KEPT)
+                    found.four = kept[k][r][threadIdx.x];
+                else
+                    for (int i = 0; i < 4; ++i) found.v[i] = begin + i < width ? from[i] : 0.0f;
                 for (int i = 0; i < 4; ++i)
-                    if (begin + i < width) to[i] = found[i];
+                    found.v[i] = PLAIN ? quotient(found.v[i], total[r][i], reciprocal[i])
+                                       : found.v[i] / total[r][i];
+                put(found.four, k, top + r, begin);
+            }
         }
     };
     const int parts = (width + 3) / 4, items = (height + ROWS - 1) / ROWS * parts;
     for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
          item += gridDim.x * blockDim.x) {
         const int top = item / parts * ROWS, begin = item % parts * 4;
-        const bool whole = begin + 4 <= width;
         float total[ROWS][4];
         for (int r = 0; r < ROWS; ++r)
             for (int i = 0; i < 4; ++i) total[r][i] = 0.0f;
@@ -181,44 +208,10 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
             else
                 weigh(General(), k, top, begin, grey, pixels, total);
         }
-#pragma unroll
-        for (int r = 0; r < ROWS; ++r) {
-            if (top + r >= height) continue;
-            float reciprocal[4];
-            if (plain) {
-                for (int i = 0; i < 4; ++i) reciprocal[i] = inverse(total[r][i]);
-                for (int k = 0; k < count; ++k) {
-                    const float4 found = kept[k][r][threadIdx.x];
-                    *(float4*)(weights.data + k * size + (size_t)(top + r) * width + begin) =
-                        make_float4(quotient(found.x, total[r][0], reciprocal[0]),
-                                    quotient(found.y, total[r][1], reciprocal[1]),
-                                    quotient(found.z, total[r][2], reciprocal[2]),
-                                    quotient(found.w, total[r][3], reciprocal[3]));
-                }
-                continue;
-            }
-            for (int i = 0; i < 4; ++i) reciprocal[i] = 1.0f / total[r][i];
-            for (int k = 0; k < count; ++k) {
-                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                union {
-                    float4 four;
-                    float v[4];
-                } found;
-                if (k < KEPT)
-                    found.four = kept[k][r][threadIdx.x];
-                else
-                    for (int i = 0; i < 4; ++i) found.v[i] = begin + i < width ? to[i] : 0.0f;
-                for (int i = 0; i < 4; ++i)
-                    found.v[i] = total[r][i] < 1e20f
-                                     ? quotient(found.v[i], total[r][i], reciprocal[i])
-                                     : found.v[i] / total[r][i];
-                if (whole && width % 4 == 0)
-                    *(float4*)to = found.four;
-                else
-                    for (int i = 0; i < 4; ++i)
-                        if (begin + i < width) to[i] = found.v[i];
-            }
-        }
+        if (plain)
+            share_out(Plain(), top, begin, total);
+        else
+            share_out(General(), top, begin, total);
     }
 }
 
