@@ -43,7 +43,7 @@ def threads(count: int) -> int:
     return -(-min(count, MOST) // BLOCK) * BLOCK
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART, TOGETHER=1)
 def reduce_strips(
     planes: int,
     src: wp.array3d[float],
@@ -54,7 +54,9 @@ def reduce_strips(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART, MANY=MANY)
+@_native.kernel(
+    "_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART, MANY=MANY, TOGETHER=1
+)
 def begin_strips(
     logs: wp.array2d[float],
     lowest: float,
@@ -68,7 +70,9 @@ def begin_strips(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART, REST=REST)
+@_native.kernel(
+    "_bands_cuda.cu", OPTIONS, launch_bounds=(THREADS, 1), PART=PART, REST=REST, TOGETHER=1
+)
 def reduce_rest(
     planes: int,
     count: int,
@@ -85,7 +89,7 @@ def reduce_rest(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, BLOCKS), PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 4), PART=PART, TOGETHER=1)
 def collapse_four(
     fine: wp.array3d[float],
     coarse: wp.array3d[float],
@@ -101,7 +105,7 @@ def collapse_four(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(FEWER, 1), PART=PART)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(FEWER, 1), PART=PART, TOGETHER=2)
 def collapse_rest(
     count: int,
     lowest: float,

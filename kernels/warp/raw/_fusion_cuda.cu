@@ -57,21 +57,24 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
         const float x = __uint_as_float(word) * scale;
         return x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
     };
-    enum { CHUNKS = 16 * CHANNELS };
+    enum { LANES = Strip::LANES, CHUNKS = LANES / 2 * CHANNELS };
     __shared__ float4 shared[WARPS][2 * CHUNKS];
-    const int columns = (width + 1) / 2, strips = (columns + 31) / 32, lane = threadIdx.x % 32;
+    const int columns = (width + 1) / 2, strips = (columns + LANES - 1) / LANES;
+    const int lane = threadIdx.x % 32;
     const bool aligned = width % 2 == 0 && ((size_t)frames.data & (2 * sizeof(TYPE) - 1)) == 0;
     const bool whole = width % 4 == 0 && ((size_t)out.data & 15) == 0;
     float4* chunks = shared[threadIdx.x / 32];
     for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32; item < (height + 1) / 2 * strips;
          item += gridDim.x * blockDim.x / 32) {
-        // Lanes beyond the row do the work of its last one, and write nothing.
-        const int y = item / strips, begin = item % strips * 32;
-        const int x = begin + lane < columns ? begin + lane : columns - 1;
+        // Lanes beyond the row do the work of its ends. These and the outer ones write nothing.
+        const int y = item / strips, begin = item % strips * LANES, column = begin + lane - 1;
+        const int x = column < 0 ? 0 : column < columns ? column : columns - 1;
+        const bool mine = lane > 0 && lane <= LANES && column < columns;
         const Square square(y, x, height, width, tall, wide);
         float total[CHANNELS][4] = {};
         if (!alone)
-            square.expand(coarse.data + count * (CHANNELS + 1) * small, small, CHANNELS, total);
+            square.expand_together(coarse.data + count * (CHANNELS + 1) * small, small, CHANNELS,
+                                   total);
         for (int k = 0; k < count; ++k) {
             const TYPE* from = frames.data + k * size * CHANNELS;
             float weight[4];
@@ -100,7 +103,8 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
             }
             float other[CHANNELS][4] = {};
             if (!alone)
-                square.expand(coarse.data + k * (CHANNELS + 1) * small, small, CHANNELS, other);
+                square.expand_together(coarse.data + k * (CHANNELS + 1) * small, small, CHANNELS,
+                                       other);
 #pragma unroll
             for (int c = 0; c < CHANNELS; ++c)
                 for (int i = 0; i < 4; ++i)
@@ -129,19 +133,20 @@ void finish_four(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weigh
                     found[i] = power < 0.0f ? (f < above ? bent : 1.0f - bent) : f;
                 }
             }
+            if (!mine) continue;
             if (whole) {
-                float2* to = (float2*)(chunks + r * CHUNKS) + CHANNELS * lane;
+                float2* to = (float2*)(chunks + r * CHUNKS) + CHANNELS * (lane - 1);
 #pragma unroll
                 for (int i = 0; i < CHANNELS; ++i)
                     to[i] = make_float2(found[2 * i], found[2 * i + 1]);
-            } else if (begin + lane < columns) {
+            } else {
                 float* to = out.data + ((size_t)(2 * y + r) * width + 2 * x) * CHANNELS;
                 for (int i = 0; i < (square.right ? 2 : 1) * CHANNELS; ++i) to[i] = found[i];
             }
         }
         if (!whole) continue;
         __syncwarp();
-        const int some = min(columns - begin, 32) * CHANNELS / 2;
+        const int some = min(columns - begin, (int)LANES) * CHANNELS / 2;
 #pragma unroll
         for (int k = lane; k < 2 * CHUNKS; k += 32) {
             const int r = k / CHUNKS, at = k % CHUNKS;

@@ -40,10 +40,12 @@ def names(scalar: Any, channels: int) -> dict[str, Any]:
 def kernels(scalar: Any, channels: int) -> Fusion:
     """Make the kernels for frames of a type."""
     own = {"PART": PART, **names(scalar, channels)}
+    values = {name: own[name] for name in ("TYPE", "INTEGRAL", "CHANNELS")}
 
     @_native.kernel(
-        "_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), BLOCK=BLOCK, KEPT=KEPT, **own
-    )
+        "_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 3), BLOCK=BLOCK, KEPT=KEPT,
+        SUM=own["SUM"], LEAST=own["LEAST"], **values,
+    )  # fmt: skip
     def weigh_block(
         frames: wp.array4d[scalar],
         scale: float,
@@ -55,7 +57,7 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), **own)
+    @_native.kernel("_reduction_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 2), PART=PART, **values)
     def frame_strips(
         frames: wp.array4d[scalar],
         scale: float,
@@ -66,7 +68,9 @@ def kernels(scalar: Any, channels: int) -> Fusion:
     ):
         """Forward to the native code."""
 
-    @_native.kernel("_weights_cuda.cu", OPTIONS, launch_bounds=(BLOCK, QUICK_BLOCKS), **own)
+    @_native.kernel(
+        "_reduction_cuda.cu", OPTIONS, launch_bounds=(BLOCK, QUICK_BLOCKS), PART=PART, **values
+    )
     def byte_strips(
         frames: wp.array4d[scalar],
         scale: float,

@@ -1,4 +1,5 @@
 #pragma once
+// needs TOGETHER
 // Bands between the references of a local Laplacian filter, of two by two pixels.
 struct Bands {
     float lowest, step, sigma, slope;
@@ -24,17 +25,18 @@ struct Bands {
         }
         // References further off have no weight.
         const int last = most + 1.0f < (float)references ? (int)most + 1 : references - 1;
-        // Two references are read before the first of them is used. Mostly these are all.
-        for (int j = least > 0.0f ? (int)least : 0; j <= last; j += 2) {
-            const int beside = j < last ? 1 : 0;
-            Square::Values other[2], values[2];
+        // TOGETHER references are read before the first of them is used.
+        for (int j = least > 0.0f ? (int)least : 0; j <= last; j += TOGETHER) {
+            const int beside = TOGETHER > 1 && j < last ? 1 : 0;
+            Square::Values other[TOGETHER], values[TOGETHER];
             if (!single) {
 #pragma unroll
-                for (int n = 0; n < 2; ++n) square.read(fine + (j + n * beside) * plane, values[n]);
+                for (int n = 0; n < TOGETHER; ++n)
+                    square.read(fine + (j + n * beside) * plane, values[n]);
             }
-            square.expand(coarse + j * small, beside * small, 2, other);
+            square.expand(coarse + j * small, beside * small, TOGETHER, other);
 #pragma unroll
-            for (int n = 0; n < 2; ++n) {
+            for (int n = 0; n < TOGETHER; ++n) {
                 if (n > beside) continue;
                 float weight[4], any = 0.0f;
                 for (int i = 0; i < 4; ++i) {

@@ -54,6 +54,7 @@ struct Strip {
 struct Square {
     typedef float Values[4];
     int rows[3], columns[3];  // rows as places of the first of three values side by side
+    int own[3];               // places of the values of these rows in column x
     int at[4];                // places beyond the border are the first one's, and are not written
     bool right, lower, whole;
     bool narrow;       // whether the smaller level has fewer columns than three
@@ -64,6 +65,7 @@ struct Square {
         for (int k = 0; k < 3; ++k) {
             rows[k] = (k == 1 ? y : Pyramid::place(y + k - 1, tall, height)) * wide;
             columns[k] = k == 1 ? x : Pyramid::place(x + k - 1, wide, width);
+            own[k] = rows[k] + x;
         }
         narrow = wide < 3;
         first = x == 0;
@@ -154,5 +156,34 @@ struct Square {
             out[c][2] = Pyramid::even(half[c][0], half[c][1], half[c][2]);
             out[c][3] = 0.5f * (half[c][1] + half[c][2]);
         }
+    }
+
+    // The same where the lanes of a warp have neighbouring columns and the outer ones only help.
+    CUDA_CALLABLE void expand_together(const float* from, size_t step, int count,
+                                       Values* out) const {
+        float even[4], half[4];
+#pragma unroll
+        for (int c = 0; c < 4 && c < count; ++c) {
+            const float* plane = from + c * step;
+            const float here = plane[own[1]], after = plane[own[2]];
+            even[c] = Pyramid::even(plane[own[0]], here, after);
+            half[c] = 0.5f * (here + after);
+        }
+#pragma unroll
+        for (int c = 0; c < 4 && c < count; ++c) {
+            between(even[c], out[c]);
+            between(half[c], out[c] + 2);
+        }
+    }
+
+    // Two values of a row, from the value of the lane and those of the lanes beside it.
+    CUDA_CALLABLE void between(float v, float* out) const {
+        const int lane = threadIdx.x % 32;
+        const int before = first ? (last ? lane : lane + 1) : lane - 1;
+        const int after = last ? (odd && !first ? lane - 1 : lane) : lane + 1;
+        const float left = __shfl_sync(0xffffffffu, v, before);
+        const float right = __shfl_sync(0xffffffffu, v, after);
+        out[0] = Pyramid::even(left, v, right);
+        out[1] = 0.5f * (v + right);
     }
 };

@@ -1,15 +1,13 @@
-// Weights of exposures on CUDA, and the first smaller level of frames and weights, with the sums of
-// _fusion.h in the same order. A pixel has CHANNELS values; planes of a level are these and the
-// weight.
+// Weights of exposures on CUDA, with the sums of _fusion.h in the same order. A pixel has CHANNELS
+// values.
 #include "_powers.h"
-#include "_pyramid.h"
-#include "_strips_cuda.h"
+#include "_mirror.h"
 
 // A thread has four pixels of ROWS rows, of one exposure after the other. The weights of the first
 // KEPT exposures stay in shared memory until their sum is known. Conversions, divisions and square
 // roots take longest: bytes become floats as the lower bits of 2^23, and quotients by one number share
 // its reciprocal.
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST, BLOCK, KEPT
+// needs TYPE, SUM, INTEGRAL, CHANNELS, LEAST, BLOCK, KEPT
 void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float saturation,
                  float exposure, wp::array_t<float> weights) {
     enum { ROWS = 2, QUICK = INTEGRAL && CHANNELS == 3 };
@@ -47,11 +45,106 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
         if (p == 1.0f) return x;
         return p == 0.0f ? 1.0f : x > 1e-30f ? Powers::exp2(p * Powers::log2(x)) : 0.0f;
     };
+    // Bytes and powers of 1, as by default, need no branches: then four pixels of both rows are
+    // computed side by side. Roots and reciprocals are those of the compiler for normal numbers.
+    struct Plain {
+        enum { YES = 1 };
+    };
+    struct General {
+        enum { YES = 0 };
+    };
+    const bool plain = QUICK && aligned && contrast == 1.0f && saturation == 1.0f && count <= KEPT;
+    const auto root = [](float x) {
+        float r;
+        asm("rsqrt.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
+        const float s = x * r;
+        const float better = __fmaf_rn(__fmaf_rn(-s, s, x), 0.5f * r, s);
+        return x > 0.0f ? better : 0.0f;
+    };
+    const auto inverse = [](float x) {
+        float r;
+        asm("rcp.approx.ftz.f32 %0, %1;" : "=f"(r) : "f"(x));
+        return __fmaf_rn(__fmaf_rn(-x, r, 1.0f), r, r);
+    };
+    const auto put = [&](const float4& four, int k, int row, int begin) {
+        float* to = weights.data + k * size + (size_t)row * width + begin;
+        const float v[4] = {four.x, four.y, four.z, four.w};
+        if (width % 4 == 0)
+            *(float4*)to = four;
+        else
+            for (int i = 0; i < 4 && begin + i < width; ++i) to[i] = v[i];
+    };
+    const auto weigh = [&](auto kind, int k, int top, int begin, const auto& grey,
+                           const auto& pixels, auto& total) {
+        enum { PLAIN = decltype(kind)::YES };
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (!PLAIN && top + r >= height) continue;
+            float found[4];
+            for (int i = 0; i < 4; ++i) {
+                // The quotient is exact where all are equal: grey has no saturation.
+                const SUM centre = grey[r + 1][i + 1];
+                const float own = INTEGRAL
+                                      ? __uint_as_float(0x4b000000u | (unsigned)centre) - 8388608.0f
+                                      : (float)centre;
+                const float mean = CHANNELS == 1 ? own
+                                   : INTEGRAL    ? quotient(own, 3.0f, third)
+                                                 : own / 3.0f;
+                const float here = mean * scale;
+                const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
+                const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
+                const SUM bend = around - 4 * centre;
+                const float off =
+                    INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)abs((int)bend)) - 8388608.0f
+                             : fabsf((float)bend);
+                float far = 0.0f, apart = 0.0f;
+                for (int c = 0; c < CHANNELS; ++c) {
+                    const float v = real(pixels[r + 1].v[i * CHANNELS + c]) * scale;
+                    far += (v - 0.5f) * (v - 0.5f);
+                    apart += (v - here) * (v - here);
+                }
+                const float edge = PLAIN ? off * share : power(off * share, contrast);
+                const float spread =
+                    PLAIN ? root(apart * third)
+                          : power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
+                found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
+                total[r][i] += found[i];
+            }
+            const float4 four = make_float4(found[0], found[1], found[2], found[3]);
+            if (PLAIN || k < KEPT)
+                kept[k][r][threadIdx.x] = four;
+            else
+                put(four, k, top + r, begin);
+        }
+    };
+    const auto share_out = [&](auto kind, int top, int begin, const auto& total) {
+        enum { PLAIN = decltype(kind)::YES };
+#pragma unroll
+        for (int r = 0; r < ROWS; ++r) {
+            if (top + r >= height) continue;
+            float reciprocal[4];
+            for (int i = 0; i < 4; ++i) reciprocal[i] = PLAIN ? inverse(total[r][i]) : 0.0f;
+            for (int k = 0; k < count; ++k) {
+                union {
+                    float4 four;
+                    float v[4];
+                } found;
+                const float* from = weights.data + k * size + (size_t)(top + r) * width + begin;
+                if (PLAIN || k < KEPT)
+                    found.four = kept[k][r][threadIdx.x];
+                else
+                    for (int i = 0; i < 4; ++i) found.v[i] = begin + i < width ? from[i] : 0.0f;
+                for (int i = 0; i < 4; ++i)
+                    found.v[i] = PLAIN ? quotient(found.v[i], total[r][i], reciprocal[i])
+                                       : found.v[i] / total[r][i];
+                put(found.four, k, top + r, begin);
+            }
+        }
+    };
     const int parts = (width + 3) / 4, items = (height + ROWS - 1) / ROWS * parts;
     for (int item = blockIdx.x * blockDim.x + threadIdx.x; item < items;
          item += gridDim.x * blockDim.x) {
         const int top = item / parts * ROWS, begin = item % parts * 4;
-        const bool whole = begin + 4 <= width;
         float total[ROWS][4];
         for (int r = 0; r < ROWS; ++r)
             for (int i = 0; i < 4; ++i) total[r][i] = 0.0f;
@@ -108,273 +201,14 @@ void weigh_block(wp::array_t<TYPE> frames, float scale, float contrast, float sa
                     grey[r][5] = own_sum(row + Mirror::at(begin + 4, width) * CHANNELS);
                 }
             }
-#pragma unroll
-            for (int r = 0; r < ROWS; ++r) {
-                if (top + r >= height) continue;
-                float found[4];
-                for (int i = 0; i < 4; ++i) {
-                    // The quotient is exact where all are equal: grey has no saturation.
-                    const SUM centre = grey[r + 1][i + 1];
-                    const float own =
-                        INTEGRAL ? __uint_as_float(0x4b000000u | (unsigned)centre) - 8388608.0f
-                                 : (float)centre;
-                    const float mean = CHANNELS == 1 ? own
-                                       : INTEGRAL    ? quotient(own, 3.0f, third)
-                                                     : own / 3.0f;
-                    const float here = mean * scale;
-                    const SUM down = grey[r][i + 1] + grey[r + 2][i + 1];
-                    const SUM around = down + (SUM)(grey[r + 1][i] + grey[r + 1][i + 2]);
-                    const SUM bend = around - 4 * centre;
-                    const float off =
-                        INTEGRAL
-                            ? __uint_as_float(0x4b000000u | (unsigned)abs((int)bend)) - 8388608.0f
-                            : fabsf((float)bend);
-                    float far = 0.0f, apart = 0.0f;
-                    for (int c = 0; c < CHANNELS; ++c) {
-                        const float v = real(pixels[r + 1].v[i * CHANNELS + c]) * scale;
-                        far += (v - 0.5f) * (v - 0.5f);
-                        apart += (v - here) * (v - here);
-                    }
-                    const float edge = power(off * share, contrast);
-                    const float spread =
-                        power(sqrtf(apart * third), CHANNELS == 3 ? saturation : 0.0f);
-                    found[i] = edge * spread * Powers::exp2(exposure * far) + LEAST;
-                    total[r][i] += found[i];
-                }
-                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                if (k < KEPT)
-                    kept[k][r][threadIdx.x] = make_float4(found[0], found[1], found[2], found[3]);
-                else if (whole && width % 4 == 0)
-                    *(float4*)to = make_float4(found[0], found[1], found[2], found[3]);
-                else
-                    for (int i = 0; i < 4; ++i)
-                        if (begin + i < width) to[i] = found[i];
-            }
+            if (plain)
+                weigh(Plain(), k, top, begin, grey, pixels, total);
+            else
+                weigh(General(), k, top, begin, grey, pixels, total);
         }
-#pragma unroll
-        for (int r = 0; r < ROWS; ++r) {
-            if (top + r >= height) continue;
-            float reciprocal[4];
-            for (int i = 0; i < 4; ++i) reciprocal[i] = 1.0f / total[r][i];
-            for (int k = 0; k < count; ++k) {
-                float* to = weights.data + k * size + (size_t)(top + r) * width + begin;
-                union {
-                    float4 four;
-                    float v[4];
-                } found;
-                if (k < KEPT)
-                    found.four = kept[k][r][threadIdx.x];
-                else
-                    for (int i = 0; i < 4; ++i) found.v[i] = begin + i < width ? to[i] : 0.0f;
-                for (int i = 0; i < 4; ++i)
-                    found.v[i] = total[r][i] < 1e20f
-                                     ? quotient(found.v[i], total[r][i], reciprocal[i])
-                                     : found.v[i] / total[r][i];
-                if (whole && width % 4 == 0)
-                    *(float4*)to = found.four;
-                else
-                    for (int i = 0; i < 4; ++i)
-                        if (begin + i < width) to[i] = found.v[i];
-            }
-        }
-    }
-}
-
-// The next smaller level of bytes, in rows of whole groups of four pixels. Sums of bytes are exact in
-// any order, and one of 5 x 5 has 16 bits: two are in one integer, red and green of a pixel, and the
-// last channel of two. They are scaled at the end.
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
-void byte_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights, int each,
-                 wp::array_t<float> dst) {
-    enum { PAIRS = CHANNELS == 3 ? 4 : 0, WORDS = PAIRS + 2 };  // at last, pixels 0 and 2, 1 and 3
-    struct Given {
-        unsigned words[CHANNELS];
-        float4 weights;
-    };
-    struct Row {
-        unsigned sums[WORDS];
-        float weights[4];
-    };
-    const int height = frames.shape[1], width = frames.shape[2];
-    const int tall = dst.shape[1], wide = dst.shape[2];
-    const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + each - 1) / each;
-    const int lane = threadIdx.x % 32;
-    const float last = 0.00390625f * scale;
-    const auto apart = [](const Given& given) {
-        const unsigned* w = given.words;
-        Row row;
-        if (CHANNELS == 3) {
-            row.sums[0] = __byte_perm(w[0], 0, 0x4140);
-            row.sums[1] = __byte_perm(w[0], w[1 % CHANNELS], 0x0403) & 0xff00ff;
-            row.sums[2] = __byte_perm(w[1 % CHANNELS], 0, 0x4342);
-            row.sums[3] = __byte_perm(w[2 % CHANNELS], 0, 0x4241);
-            row.sums[PAIRS] = __byte_perm(w[0], w[2 % CHANNELS], 0x0402) & 0xff00ff;
-            row.sums[PAIRS + 1] = __byte_perm(w[1 % CHANNELS], w[2 % CHANNELS], 0x0701) & 0xff00ff;
-        } else {
-            row.sums[0] = w[0] & 0xff00ff;
-            row.sums[1] = w[0] >> 8 & 0xff00ff;
-        }
-        row.weights[0] = given.weights.x;
-        row.weights[1] = given.weights.y;
-        row.weights[2] = given.weights.z;
-        row.weights[3] = given.weights.w;
-        return row;
-    };
-    const auto weigh = [](unsigned a, unsigned b, unsigned c, unsigned d, unsigned e) {
-        return a + e + 4 * (b + d) + 6 * c;
-    };
-    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
-         item < frames.shape[0] * chunks * strips; item += gridDim.x * blockDim.x / 32) {
-        const int k = item / strips / chunks, begin = item / strips % chunks * each;
-        const int end = begin + each < tall ? begin + each : tall;
-        const int column = 2 * (item % strips * Strip::LANES + lane - 1), first = 2 * column;
-        const int at = first < 0 ? 0 : first + 4 > width ? width - 4 : first;
-        const auto read = [&](int y) {
-            const size_t start = ((size_t)k * height + Mirror::at(y, height)) * width + at;
-            const unsigned* words = (const unsigned*)(frames.data + start * CHANNELS);
-            Given given;
-#pragma unroll
-            for (int i = 0; i < CHANNELS; ++i) given.words[i] = words[i];
-            given.weights = *(const float4*)(weights.data + start);
-            return given;
-        };
-        Row a = apart(read(2 * begin - 2)), b = apart(read(2 * begin - 1)),
-            c = apart(read(2 * begin));
-        Given next = read(2 * begin + 1), after = read(2 * begin + 2);
-#pragma unroll 1
-        for (int y = begin; y < end; ++y) {
-            const Row d = apart(next), e = apart(after);
-            next = read(2 * y + 3);  // ahead of their use
-            after = read(2 * y + 4);
-            unsigned v[WORDS];
-            float w[4], out[2];
-#pragma unroll
-            for (int i = 0; i < WORDS; ++i)
-                v[i] = weigh(a.sums[i], b.sums[i], c.sums[i], d.sums[i], e.sums[i]);
-            for (int i = 0; i < 4; ++i)
-                w[i] = Pyramid::weigh(a.weights[i], b.weights[i], c.weights[i], d.weights[i],
-                                      e.weights[i]);
-            // Two pixels before a border are used, and one after it.
-            const bool before = first < 0, beyond = first >= width;
-            unsigned one = v[PAIRS], two = v[PAIRS + 1];
-            if (before) {
-                if (CHANNELS == 3) v[3 % WORDS] = v[1];
-                two = __byte_perm(two, 0, 0x1010);
-                w[3] = w[1];
-            }
-            if (beyond) {
-                if (CHANNELS == 3) v[0] = v[2 % WORDS];
-                one = __byte_perm(one, 0, 0x3232);
-                w[0] = w[2];
-            }
-            float* to = dst.data + ((size_t)k * (CHANNELS + 1) * tall + y) * wide;
-            const size_t plane = (size_t)tall * wide;
-            if (CHANNELS == 3) {
-                const unsigned p = __shfl_up_sync(0xffffffffu, v[2 % WORDS], 1);
-                const unsigned q = __shfl_up_sync(0xffffffffu, v[3 % WORDS], 1);
-                const unsigned n = __shfl_down_sync(0xffffffffu, v[0], 1);
-                const unsigned left = weigh(p, q, v[0], v[1], v[2 % WORDS]);
-                const unsigned right = weigh(v[0], v[1], v[2 % WORDS], v[3 % WORDS], n);
-                out[0] = (float)(left & 0xffff) * last;
-                out[1] = (float)(right & 0xffff) * last;
-                Strip::write(out, lane, column, wide, to);
-                out[0] = (float)(left >> 16) * last;
-                out[1] = (float)(right >> 16) * last;
-                Strip::write(out, lane, column, wide, to + plane);
-            }
-            const unsigned p = __shfl_up_sync(0xffffffffu, one, 1);
-            const unsigned q = __shfl_up_sync(0xffffffffu, two, 1);
-            const unsigned n = __shfl_down_sync(0xffffffffu, one, 1);
-            const unsigned both = weigh(__byte_perm(p, one, 0x5432), __byte_perm(q, two, 0x5432),
-                                        one, two, __byte_perm(one, n, 0x5432));
-            out[0] = (float)(both & 0xffff) * last;
-            out[1] = (float)(both >> 16) * last;
-            Strip::write(out, lane, column, wide, to + (CHANNELS - 1) * plane);
-            Strip::across(w, out);
-            Strip::write(out, lane, column, wide, to + CHANNELS * plane);
-            a = c;
-            b = d;
-            c = e;
-        }
-    }
-}
-
-// The next smaller level of other frames.
-// needs PART, TYPE, SUM, INTEGRAL, CHANNELS, STEEP, LEAST
-void frame_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights, int each,
-                  wp::array_t<float> dst) {
-    struct alignas(4 * sizeof(TYPE)) Pixels {
-        TYPE v[4 * CHANNELS];
-    };
-    struct Row {
-        Pixels pixels;
-        float weights[4];
-    };
-    const int height = frames.shape[1], width = frames.shape[2];
-    const int tall = dst.shape[1], wide = dst.shape[2];
-    const int strips = (wide + Strip::WIDE - 1) / Strip::WIDE;
-    const int chunks = (tall + each - 1) / each;
-    const bool aligned = width % 4 == 0 && ((size_t)frames.data & (4 * sizeof(TYPE) - 1)) == 0;
-    const int lane = threadIdx.x % 32;
-    const float last = INTEGRAL ? 0.0625f * scale : scale;
-    const auto value = [](TYPE v) {
-        const float x = (float)v;
-        return INTEGRAL ? x : x > 0.0f ? (x < 1.0f ? x : 1.0f) : 0.0f;
-    };
-    for (int item = (blockIdx.x * blockDim.x + threadIdx.x) / 32;
-         item < frames.shape[0] * chunks * strips; item += gridDim.x * blockDim.x / 32) {
-        const int k = item / strips / chunks, begin = item / strips % chunks * each;
-        const int end = begin + each < tall ? begin + each : tall;
-        const int column = 2 * (item % strips * Strip::LANES + lane - 1);
-        Row a, b, c, d, e;
-        const auto load = [&](int y, Row& to) {
-            const size_t start = ((size_t)k * height + Mirror::at(y, height)) * width;
-            const TYPE* row = frames.data + start * CHANNELS;
-            if (aligned && column >= 0 && 2 * column + 4 <= width) {
-                to.pixels = *(const Pixels*)(row + 2 * column * CHANNELS);
-            } else {
-                for (int i = 0; i < 4; ++i)
-                    for (int n = 0; n < CHANNELS; ++n)
-                        to.pixels.v[i * CHANNELS + n] =
-                            row[Mirror::at(2 * column + i, width) * CHANNELS + n];
-            }
-            const bool whole = width % 4 == 0;
-            Strip::settle(Strip::load(weights.data + start, 2 * column, width, whole), 2 * column,
-                          width, whole, to.weights);
-        };
-        load(2 * begin - 2, a);
-        load(2 * begin - 1, b);
-        load(2 * begin, c);
-#pragma unroll 1
-        for (int y = begin; y < end; ++y) {
-            load(2 * y + 1, d);
-            load(2 * y + 2, e);
-            float v[4], out[2];
-            float* to = dst.data + ((size_t)k * (CHANNELS + 1) * tall + y) * wide;
-#pragma unroll
-            for (int n = 0; n < CHANNELS; ++n) {
-                for (int i = 0; i < 4; ++i) {
-                    const int x = i * CHANNELS + n;
-                    const TYPE p = a.pixels.v[x], q = b.pixels.v[x], o = c.pixels.v[x],
-                               s = d.pixels.v[x], t = e.pixels.v[x];
-                    // Sums of bytes are exact in any order; they are scaled at the end.
-                    v[i] = INTEGRAL
-                               ? (float)(((int)p + (int)t) + 4 * ((int)q + (int)s) + 6 * (int)o)
-                               : Pyramid::weigh(value(p), value(q), value(o), value(s), value(t));
-                }
-                Strip::across(v, out);
-                for (int i = 0; i < 2; ++i) out[i] = out[i] * last;
-                Strip::write(out, lane, column, wide, to + (size_t)n * tall * wide);
-            }
-            for (int i = 0; i < 4; ++i)
-                v[i] = Pyramid::weigh(a.weights[i], b.weights[i], c.weights[i], d.weights[i],
-                                      e.weights[i]);
-            Strip::across(v, out);
-            Strip::write(out, lane, column, wide, to + (size_t)CHANNELS * tall * wide);
-            a = c;
-            b = d;
-            c = e;
-        }
+        if (plain)
+            share_out(Plain(), top, begin, total);
+        else
+            share_out(General(), top, begin, total);
     }
 }

@@ -96,7 +96,7 @@ def finish(
     rows, columns, channels = out.shape
     inputs = [frames, scale, weights, coarse, alone]
     if out.device.is_cuda:
-        warps = -(-rows // 2) * -(-columns // 64)
+        warps = -(-rows // 2) * -(-columns // (2 * cuda.LANES))
         launch(kernels(frames.dtype, channels).finish, cuda.threads(32 * warps), inputs, [out])
         return
     kernel = _finish(frames.dtype, channels)

@@ -43,7 +43,7 @@ def warp_perspective(
     byte = src.dtype is wp.uint8 and dst.dtype is wp.uint8
     height, width = src.shape[1:3]
     few = order == 1 and channels in FEW and (not byte or max(height, width) < WIDEST)
-    if few and byte and dst.device.is_cuda and height > 2 and width >= 16:
+    if few and byte and dst.device.is_cuda:
         blocks = -(-dst.shape[2] // (32 * COLUMNS)) * -(-rows // (WARPS * ROWS))
         threads = 32 * WARPS
         inputs = [src, inverse, border, cval]

@@ -24,20 +24,29 @@ void composite_pixel(int tile, Tiles tiles, Seen seen) {
         }
         __syncthreads();
         const int count = min(TILE * TILE, end - begin);
-        for (int n = 0; n < count; ++n) {
-            const float4 a = batch[n][0], c = batch[n][2];
-            if (fabsf(a.x - middle_x) > c.z + 3.5f || fabsf(a.y - middle_y) > c.w + 1.5f) continue;
-            const float4 b = batch[n][1];
-            const float dx = a.x - column, dy = a.y - row;
-            const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
-            const float alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
-            if (alpha >= FAINT && through > stop) {
-                const float weight = through * alpha;
-                red += weight * b.z;
-                green += weight * b.w;
-                blue += weight * c.x;
-                far += weight * c.y;
-                through -= weight;
+        for (int first = 0; first < count; first += 32) {
+            // A lane tests one splat, and the warp goes on with those that reach it.
+            bool reaches = false;
+            if (first + lane < count) {
+                const float4 a = batch[first + lane][0], c = batch[first + lane][2];
+                reaches =
+                    fabsf(a.x - middle_x) <= c.z + 3.5f && fabsf(a.y - middle_y) <= c.w + 1.5f;
+            }
+            if (!__any_sync(0xffffffffu, through > stop)) break;
+            for (unsigned left = __ballot_sync(0xffffffffu, reaches); left; left &= left - 1) {
+                const int n = first + __ffs(left) - 1;
+                const float4 a = batch[n][0], b = batch[n][1], c = batch[n][2];
+                const float dx = a.x - column, dy = a.y - row;
+                const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
+                const float alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
+                if (alpha >= FAINT && through > stop) {
+                    const float weight = through * alpha;
+                    red += weight * b.z;
+                    green += weight * b.w;
+                    blue += weight * c.x;
+                    far += weight * c.y;
+                    through -= weight;
+                }
             }
         }
     }
@@ -55,7 +64,9 @@ void composite_pixel(int tile, Tiles tiles, Seen seen) {
 void trace_pixel(int tile, Seen d_seen, Tiles tiles, Seen seen, wp::array_t<float> slopes) {
     // The sums over the pixels of each warp are kept for BATCH splats, then added in one order.
     __shared__ float4 batch[BATCH][SHOWN / 4];
+    // BATCH is 32: a bit of `reached` says whether a warp has sums of a splat.
     __shared__ float sums[BATCH][TILE * TILE / 32][SLOPES];
+    __shared__ unsigned reached[TILE * TILE / 32];
     const int width = tiles.width, height = tiles.height;
     const float stop = tiles.stop;
     const int columns = (width + TILE - 1) / TILE, lane = threadIdx.x & 31;
@@ -101,22 +112,23 @@ void trace_pixel(int tile, Seen d_seen, Tiles tiles, Seen seen, wp::array_t<floa
             for (int k = 0; k < SHOWN / 4; ++k) batch[threadIdx.x][k] = __ldg(from + k);
         }
         __syncthreads();
-        for (int n = 0; n < count; ++n) {
+        bool reaches = false;
+        if (lane < count) {
+            const float4 a = batch[lane][0], c = batch[lane][2];
+            reaches = fabsf(a.x - middle_x) <= c.z + 3.5f && fabsf(a.y - middle_y) <= c.w + 1.5f;
+        }
+        const bool goes_on = alive && __any_sync(0xffffffffu, through > stop);
+        unsigned seen_here = 0;
+        for (unsigned left = __ballot_sync(0xffffffffu, reaches && goes_on); left;
+             left &= left - 1) {
+            const int n = __ffs(left) - 1;
             const float4 a = batch[n][0], b = batch[n][1], c = batch[n][2];
-            bool on =
-                alive && fabsf(a.x - middle_x) <= c.z + 3.5f && fabsf(a.y - middle_y) <= c.w + 1.5f;
-            float dx = 0.0f, dy = 0.0f, alpha = 0.0f;
-            if (on) {
-                dx = a.x - column;
-                dy = a.y - row;
-                const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
-                alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
-                on = alpha >= FAINT && through > stop;
-            }
-            if (!__any_sync(0xffffffffu, on)) {
-                if (mine) sums[n][warp][number] = 0.0f;
-                continue;
-            }
+            const float dx = a.x - column, dy = a.y - row;
+            const float e = -0.5f * (a.z * dx * dx + b.x * dy * dy) - a.w * dx * dy;
+            const float alpha = fminf(b.y * __expf(fminf(e, 0.0f)), MOST);
+            const bool on = alpha >= FAINT && through > stop;
+            if (!__any_sync(0xffffffffu, on)) continue;
+            seen_here |= 1u << n;
             float v[10] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
             if (on) {
                 const float weight = through * alpha;
@@ -145,12 +157,14 @@ void trace_pixel(int tile, Seen d_seen, Tiles tiles, Seen seen, wp::array_t<floa
             v[0] += __shfl_xor_sync(0xffffffffu, v[0], 1);
             if (mine) sums[n][warp][number] = v[0];
         }
+        if (lane == 0) reached[warp] = seen_here;
         __syncthreads();
         for (int k = threadIdx.x; k < count * SLOPES; k += TILE * TILE) {
             const int n = k / SLOPES, of = k % SLOPES;
             float total = 0.0f;
 #pragma unroll
-            for (int w = 0; w < TILE * TILE / 32; ++w) total += sums[n][w][of];
+            for (int w = 0; w < TILE * TILE / 32; ++w)
+                total += reached[w] >> n & 1 ? sums[n][w][of] : 0.0f;
             if (of == 5) total /= batch[n][1].y;
             slopes.data[(size_t)SLOPES * tiles.sources.data[begin + n] + of] = total;
         }
