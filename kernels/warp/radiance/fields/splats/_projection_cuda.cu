@@ -47,29 +47,3 @@ vec19 add_sides(int n, bool wanted, vec16 h, vec3 own, vec3 g, wp::array_t<float
     __syncwarp();
     return found;
 }
-
-// needs WARPS, MOST
-// The channels of a splat before negative ones become 0, by rows of coefficients that go through
-// shared memory like those of `add_sides`.
-vec3 colors_of(int n, bool wanted, vec16 h, vec3 own, wp::array_t<float> sides) {
-    __shared__ float rows[WARPS][32 * MOST];
-    const int lane = threadIdx.x & 31, each = sides.shape[1] < 3 ? 0 : sides.shape[1];
-    const unsigned all = __ballot_sync(0xffffffffu, wanted);
-    const float* from = sides.data + (size_t)(n - lane) * each;
-    float* kept = rows[threadIdx.x >> 5];
-    int splat = 0, place = lane;
-    for (int e = lane; e < 32 * each; e += 32, place += 32) {
-        for (; place >= each; place -= each) ++splat;
-        if (all >> splat & 1) kept[e] = from[e];
-    }
-    __syncwarp();
-    if (wanted) {
-#pragma unroll
-        for (int k = 0; k < MOST / 3; ++k) {
-            if (3 * k >= each) break;
-            for (int c = 0; c < 3; ++c) own[c] += h[k + 1] * kept[lane * each + 3 * k + c];
-        }
-    }
-    __syncwarp();
-    return own;
-}

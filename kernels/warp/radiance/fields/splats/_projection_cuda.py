@@ -1,4 +1,4 @@
-"""Splats on the screen on CUDA, and the gradients by them: a warp takes splats side by side."""
+"""Gradients of splats on CUDA: a warp takes splats that follow one another."""
 
 import warp as wp
 
@@ -6,9 +6,8 @@ from cvkern.kernels.warp import _native
 from cvkern.kernels.warp.radiance._harmonics import harmonics, vec16
 
 from ._placing import Placed, arm_of, dot, placed
-from ._showing import bound, box_of, reach_of, show
 from ._slopes import add_moves, entries_of, total_of, turned, vec9
-from ._structs import Lists, Screen, Sight, Splats
+from ._structs import Lists, Sight, Splats
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -29,42 +28,6 @@ def add_sides(
     sides: wp.array2d[float],
     d_sides: wp.array2d[float],
 ) -> vec19: ...
-
-
-@_native.func_native("_projection_cuda.cu", WARPS=BLOCK // 32, MOST=MOST)
-def colors_of(
-    n: int, wanted: bool, h: vec16, own: wp.vec3, sides: wp.array2d[float]
-) -> wp.vec3: ...
-
-
-@wp.kernel(launch_bounds=(BLOCK, 6))
-def project(
-    splats: Splats,
-    sight: Sight,
-    # outputs
-    screen: Screen,
-):
-    """Find the place and the colour of a splat, and the tiles that it meets."""
-    n = wp.tid()
-    count = screen.keys.shape[0]
-    p = placed(splats, sight, wp.min(n, count - 1))
-    reach = reach_of(p)
-    box = box_of(p, sight, reach)
-    wanted = n < count and box[2] > 0
-    h = vec16()
-    own = wp.vec3()
-    distance = float(1.0)
-    if wanted:
-        arm = arm_of(splats, sight, n)
-        distance = wp.sqrt(dot(arm, arm))
-        h = harmonics(arm[0] / distance, arm[1] / distance, arm[2] / distance)
-        for channel in range(3):
-            own[channel] = 0.5 + h[0] * splats.colors[n, channel]
-    color = colors_of(n, wanted, h, own, splats.sides)
-    if wanted:
-        show(p, n, reach, distance, color, screen)
-    if n < count:
-        bound(p, n, box, screen)
 
 
 @wp.kernel(launch_bounds=(BLOCK, 4))

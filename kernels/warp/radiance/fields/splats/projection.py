@@ -8,12 +8,14 @@ from cvkern.kernels.warp._structs import struct_of
 from cvkern.kernels.warp.radiance._harmonics import harmonics, vec16
 
 from . import _projection_cuda as cuda
-from ._placing import arm_of, dot, placed
-from ._showing import bound, box_of, reach_of, show
+from ._placing import FAINT, arm_of, dot, placed
 from ._slopes import add_moves, entries_of, total_of, turned
 from ._structs import Lists, Screen, Sight, Splats
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+TILE, CULLED = wp.constant(codes.TILE), wp.constant(codes.CULLED)
+SLACK = wp.constant(0.01)  # pixels that roundings may take from the reach of a splat
 
 
 @wp.func
@@ -38,27 +40,53 @@ def project_kernel(
     """Find the place and the colour of a splat, and the tiles that it meets."""
     for n in range(first + wp.tid(), last, stride):
         p = placed(splats, sight, n)
-        reach = reach_of(p)
-        box = box_of(p, sight, reach)
-        if box[2] > 0:
-            arm = arm_of(splats, sight, n)
-            distance = wp.sqrt(dot(arm, arm))
-            h = harmonics(arm[0] / distance, arm[1] / distance, arm[2] / distance)
-            color = wp.vec3()
-            for channel in range(3):
-                color[channel] = color_of(splats, n, h, channel)
-            show(p, n, reach, distance, color, screen)
-        bound(p, n, box, screen)
+        columns = int(0)
+        rows = int(0)
+        left = int(0)
+        top = int(0)
+        if p.seen:
+            determinant = p.a * p.c - p.b * p.b
+            reach = 2.0 * wp.log(p.opacity / FAINT)
+            aside = wp.sqrt(reach * p.a) + SLACK
+            above = wp.sqrt(reach * p.c) + SLACK
+            width = float(sight.width - 1)
+            height = float(sight.height - 1)
+            if (
+                p.column + aside >= 0.0
+                and p.column - aside <= width
+                and p.row + above >= 0.0
+                and p.row - above <= height
+            ):
+                left = int(wp.max(p.column - aside, 0.0)) // TILE
+                top = int(wp.max(p.row - above, 0.0)) // TILE
+                columns = int(wp.min(p.column + aside, width)) // TILE + 1 - left
+                rows = int(wp.min(p.row + above, height)) // TILE + 1 - top
+                arm = arm_of(splats, sight, n)
+                distance = wp.sqrt(dot(arm, arm))
+                h = harmonics(arm[0] / distance, arm[1] / distance, arm[2] / distance)
+                screen.shown[n, 0] = p.column
+                screen.shown[n, 1] = p.row
+                screen.shown[n, 2] = p.c / determinant
+                screen.shown[n, 3] = -p.b / determinant
+                screen.shown[n, 4] = p.a / determinant
+                screen.shown[n, 5] = p.opacity
+                for channel in range(3):
+                    color = color_of(splats, n, h, channel)
+                    screen.shown[n, 6 + channel] = wp.max(color, 0.0)
+                screen.shown[n, 9] = distance
+                screen.shown[n, 10] = aside
+                screen.shown[n, 11] = above
+        screen.boxes[n, 0] = left
+        screen.boxes[n, 1] = top
+        screen.boxes[n, 2] = columns
+        screen.boxes[n, 3] = rows
+        screen.keys[n] = wp.where(columns > 0, wp.cast(p.depth, int), CULLED)
 
 
 def project(splats: codes.Splats, sight: codes.Sight, screen: codes.Screen) -> None:
     """Find where splats are on the screen, and their colours; those not seen have no box."""
     count = screen.keys.shape[0]
     inputs = [struct_of(Splats, splats), struct_of(Sight, sight)]
-    if screen.keys.device.is_cuda:
-        threads = -(-count // cuda.BLOCK) * cuda.BLOCK
-        launch(cuda.project, threads, inputs, [struct_of(Screen, screen)], cuda.BLOCK)
-        return
     launch_each(project_kernel, count, 64 * count, inputs, [struct_of(Screen, screen)])
 
 
