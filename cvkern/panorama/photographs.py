@@ -15,7 +15,7 @@ from cvkern.features.matching import match_descriptors
 from cvkern.geometry.fitting import scaled
 from cvkern.geometry.maps import find_homography
 from cvkern.panorama.registration import keypoints_of, mapped, resized, to_small
-from cvkern.transform.projective import warp_perspective
+from cvkern.transform.projective import is_singular, warp_perspective
 
 # Distance of a point from where the first homography puts it, in parts of the longest side.
 NEAR, LEAST_NEAR = 0.01, 8.0  # and at least so many pixels
@@ -157,12 +157,14 @@ def match_photographs(
     fit = find_homography(
         one.places[pairs[:, 0], ::-1], other.places[pairs[:, 1], ::-1], threshold, seed=seed
     )
+    nothing = PhotographMatches(None, np.zeros((0, 2)), np.zeros((0, 2)))
     if fit.matrix is None:
-        none = np.zeros((0, 2))
-        return PhotographMatches(None, none, none)
+        return nothing
     inliers = pairs[np.asarray(fit.inliers)]
     farthest = int(_distances(one, other, *inliers.T).max())
     matrix = _refined(fit.matrix, _joined(fit.matrix, one, other, *pairs.T), threshold)
+    if is_singular(matrix) or is_singular(np.linalg.inv(matrix)):
+        return nothing
     near = []
     for side, there in ((0, matrix), (1, np.linalg.inv(matrix))):
         source, target = grays[side], grays[1 - side]

@@ -12,6 +12,8 @@ TILE = 2048  # height and width of a square tile, pixels
 BAND = 2**26  # bytes of results of a row of tiles, which are written together
 _ROWS = 1024  # smallest height of a wide tile
 _AREA = 2**22  # elements of a wide tile; kernels are slower for rows of more than 4096 pixels
+_AREA_GPU = 3 * 2**23  # elements of a tile on a GPU, for which the host waits
+_ROWS_GPU = 256  # smallest height of a tile there
 _HALOS = 16  # smallest ratio of the height of a tile to its halo
 
 
@@ -46,12 +48,17 @@ def tiles_of(shape: tuple[int, ...], sides: Sequence[int], reach: int) -> Iterat
 
 
 def sides_of(
-    shape: tuple[int, ...], reach: int, targets: Sequence[Any], sources: Sequence[Any]
+    shape: tuple[int, ...],
+    reach: int,
+    targets: Sequence[Any],
+    sources: Sequence[Any],
+    on_gpu: bool = False,
 ) -> tuple[int, int]:
     """Return the height and width of the tiles of an image if the caller does not say.
 
     Chunks should be read and written once, so tiles are multiples of them. A row of wide tiles fits
-    into memory, and can be written together.
+    into memory, and can be written together. A GPU gets whole rows if it can, which are one piece
+    of memory.
     """
     chunks = [c for c in map(chunks_of, (*targets, *sources)) if c is not None]
     if chunks:
@@ -63,11 +70,16 @@ def sides_of(
         return next(sides), next(sides)
     if not all(isinstance(array, np.ndarray) for array in (*targets, *sources)):
         return TILE, TILE
+    channels = int(np.prod(shape[2:]))
+    if on_gpu:
+        rows = max(_AREA_GPU // (shape[1] * channels), _ROWS_GPU, _HALOS * reach)
+        rows = min(rows, TILE)
+        return rows, min(max(_AREA_GPU // (rows * channels), rows), shape[1])
     rows = min(max(_ROWS, _HALOS * reach), TILE)
     fitting = BAND // max(1, sum(t.nbytes // max(1, *t.shape[:1]) for t in targets))
     if fitting >= max(_ROWS // 8, _HALOS // 2 * reach):
         rows = min(rows, fitting)
-    width = max(_AREA // (max(rows, _ROWS) * int(np.prod(shape[2:]))), rows)
+    width = max(_AREA // (max(rows, _ROWS) * channels), rows)
     return rows, -(-shape[1] // -(-shape[1] // width))
 
 

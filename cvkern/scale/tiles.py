@@ -68,7 +68,8 @@ def apply(
     tile : int or (int, int), optional
         Height and width of a tile, pixels; of `stereo_match`, strips have all columns. By default,
         multiples of the chunks in which an array is stored, near 2048; for arrays of NumPy and
-        memory maps, 1024 x 4096 or, for wide halos, more rows and fewer columns.
+        memory maps, 1024 x 4096 or, for wide halos, more rows and fewer columns; on a GPU, whole
+        rows of 25 million elements in all.
     journal : path, optional
         A folder that is made, in which finished tiles are noted. After a run that was killed, the
         same call goes on with the others. It is removed at the end. The function, its options and
@@ -135,9 +136,11 @@ def apply(
         if np.shape(values) != shape[:2]:
             raise ValueError(f"{key} must have shape {shape[:2]}, got {np.shape(values)}")
     lazy = hasattr(sources[0], "__dask_graph__")
-    sides = _sides(name, tile, shape, reach, _listed(target), () if lazy else sources)
-    tiles = list(tiles_of(shape[:2], sides, reach))
     places = check_devices(devices)
+    sides = _sides(
+        name, tile, shape, reach, _listed(target), () if lazy else sources, places[0] != "cpu"
+    )
+    tiles = list(tiles_of(shape[:2], sides, reach))
     if lazy:
         if journal is not None or progress is not None:
             raise ValueError("journal and progress must be None for an array of Dask")
@@ -279,15 +282,13 @@ def _sides(
     reach: int,
     targets: list[Any],
     sources: Sequence[Any],
+    on_gpu: bool,
 ) -> list[int]:
     """Return the height and width of the tiles."""
     if tile is None:
         squares = not sources or name in LEADING or name == "stereo_match"
-        sides = (
-            [TILE, TILE]
-            if squares
-            else list(sides_of(shape, reach, [image_of(t) for t in targets], sources))
-        )
+        images = [image_of(t) for t in targets]
+        sides = [TILE, TILE] if squares else [*sides_of(shape, reach, images, sources, on_gpu)]
     else:
         sides = [check_integer(side, "tile", 1, 2**16) for side in check_pair(tile, "tile")]
     if name == "stereo_match":

@@ -221,12 +221,16 @@ def _inverse(matrix: Any) -> np.ndarray:
     numbers = as_numbers(matrix, "matrix")
     if numbers.shape != (3, 3) or not np.isfinite(numbers).all():
         raise ValueError(f"matrix must be (3, 3) finite numbers, got shape {numbers.shape}")
-    largest = np.abs(numbers).max()
-    # Columns are brought to one size first: translations are large numbers of pixels.
-    scale = np.abs(numbers).max(axis=0)
-    if largest == 0 or not scale.all() or abs(np.linalg.det(numbers / scale)) < SINGULAR:
+    if is_singular(numbers):
         raise ValueError("matrix must be invertible, got one that is not")
     return np.linalg.inv(numbers)
+
+
+def is_singular(matrix: np.ndarray) -> bool:
+    """Tell whether a homography takes the plane to a line or a point, or nearly so."""
+    # Columns are brought to one size first: translations are large numbers of pixels.
+    scale = np.abs(matrix).max(axis=0)
+    return not scale.all() or bool(abs(np.linalg.det(matrix / scale)) < SINGULAR)
 
 
 def _four_points(points: np.ndarray, targets: np.ndarray) -> np.ndarray:

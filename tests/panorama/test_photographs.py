@@ -7,6 +7,7 @@ import scipy.ndimage as ndi
 import skimage.data
 
 import cvkern
+from cvkern.panorama import photographs
 from tests.panorama.scenes import through
 from tests.truth import truth
 
@@ -47,6 +48,14 @@ def test_strangers_and_pictures_without_points():
         matrix, points0, points1 = cvkern.match_photographs(photo, two)
         assert matrix is None
         assert points0.shape == points1.shape == (0, 2)
+
+
+def test_a_map_to_a_line_is_none(monkeypatch):
+    photo = skimage.data.camera()[:200, :200]
+    assert cvkern.match_photographs(photo, photo).matrix is not None
+    flat = np.array([[1.0, 0, 0], [2, 0, 0], [0, 0, 1]])
+    monkeypatch.setattr(photographs, "_refined", lambda *given: flat + 1e-15)
+    assert cvkern.match_photographs(photo, photo).matrix is None
 
 
 @pytest.mark.parametrize(

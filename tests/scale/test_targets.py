@@ -69,14 +69,16 @@ class Chunked(NamedTuple):
 
 
 def test_tiles_of_chunks_and_of_rows():
-    def sides(shape, reach, *arrays):
-        return grids.sides_of(shape, reach, arrays, ())
+    def sides(shape, reach, *arrays, on_gpu=False):
+        return grids.sides_of(shape, reach, arrays, (), on_gpu)
 
     plain = np.empty((1, 1), np.uint8)
     assert sides((30000, 30000), 8, plain) == (1024, 3750)
     assert sides((30000, 30000), 100, plain) == (1600, 2500)
     assert sides((100, 100, 3), 8, plain) == (1024, 100)
     assert sides((30000, 100000), 8, np.empty((1, 100000), np.float32)) == (167, 4000)
+    assert sides((20000, 20000), 8, plain, on_gpu=True) == (1258, 20000)
+    assert sides((7000, 60000), 100, plain, on_gpu=True) == (1600, 15728)
     big = np.empty((9000, 9000), np.uint8)
     assert sides(big.shape, 2, Chunked((1000, 700))) == (2000, 1400)
     assert sides(big.shape, 2, Chunked((3000, 300))) == (3000, 1800)

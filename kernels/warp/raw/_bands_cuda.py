@@ -89,7 +89,7 @@ def reduce_rest(
     """Forward to the native code."""
 
 
-@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 4), PART=PART, TOGETHER=1)
+@_native.kernel("_bands_cuda.cu", OPTIONS, launch_bounds=(BLOCK, 4), PART=PART, TOGETHER=2)
 def collapse_four(
     fine: wp.array3d[float],
     coarse: wp.array3d[float],
