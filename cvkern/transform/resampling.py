@@ -123,6 +123,7 @@ def weights_along(size: int, count: int, rule: str) -> tuple[np.ndarray, np.ndar
         weights = (1 - np.abs(pixel - center[:, None]) / wide).clip(0)
         weights = np.where(pixel < size, weights, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
+    weights = weights[:, : int(np.nonzero(weights.any(axis=0))[0][-1]) + 1]
     return start.astype(np.int32), np.ascontiguousarray(weights, np.float32)
 
 
