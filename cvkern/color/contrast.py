@@ -19,6 +19,7 @@ from cvkern._checks import (
 )
 from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
+from cvkern.filters.thresholds import count_levels
 from cvkern.kernels.codes.color import LEVELS, SLOTS, TONES
 
 MOST = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS - 1}
@@ -75,14 +76,10 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     size = int(np.prod(shape))
     result = rt.empty(shape, dtype)
     if most:
-        counts = rt.zeros((most + 1,), np.int32)
-        found = rt.adopt(image, CODES[most], (size,))
-        rt.color.contrast.count_levels(found, counts)
-        shares = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size
-        rt.color.contrast.look_up(
-            rt.adopt(image, CODES[most], (size, 1)), found,
-            rt.send("table", _carried(shares * top, dtype)), rt.adopt(result, dtype, (size, 1)),
-        )  # fmt: skip
+        shares = np.cumsum(count_levels(rt, image)) / size
+        given, found = (rt.adopt(image, CODES[most], s) for s in ((size, 1), (size,)))
+        table = rt.send("table", _carried(shares * top, dtype))
+        rt.color.contrast.look_up(given, found, table, rt.adopt(result, dtype, (size, 1)))
         return rt.release(result)
     values = rt.adopt(image, np.float32, (size,))
     out = rt.adopt(result, dtype, (size,))

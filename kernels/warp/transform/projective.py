@@ -94,28 +94,7 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
     """
     pixel = warp_pixel(scalar, result, 1)
 
-    @_native.func_native(
-        "_projective_cpu.h",
-        ROUNDED=int(result is wp.uint8),
-        CHANNELS=channels,
-        PART=PART,
-        PLACE_BITS=PLACE_BITS,
-        MIDDLE=MIDDLE,
-        START=START,
-        START_HIGH=START_HIGH,
-    )
-    def warp_tile(
-        top: int,
-        bottom: int,
-        start: int,
-        slab: int,
-        src: wp.array4d[scalar],
-        inverse: wp.array[wp.float64],
-        constant: int,
-        cval: float,
-        left: wp.array2d[int],
-        dst: wp.array4d[result],
-    ) -> int: ...
+    tile = native_tile(scalar, result, channels, False)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def warp_rows(
@@ -135,17 +114,48 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
         if border == int(Border.CONSTANT):
             constant = int(1)
         across = (dst.shape[2] + PART - 1) // PART
-        for tile in range((last - first + TALL - 1) // TALL * across):
-            top = first + tile // across * TALL
-            start = tile % across * PART
+        for item in range((last - first + TALL - 1) // TALL * across):
+            top = first + item // across * TALL
+            start = item % across * PART
             bottom = wp.min(top + TALL, last)
-            count = warp_tile(top, bottom, start, slab, src, inverse, constant, cval, left, dst)
+            count = tile(top, bottom, start, slab, src, inverse, constant, cval, left, dst)
             for k in range(count):
                 place = left[slab, k]
                 row = top + place // PART
                 pixel(src, inverse, border, cval, 0, row, start + place % PART, dst)
 
     return warp_rows
+
+
+def native_tile(scalar: Any, result: Any, channels: int, mapped: bool) -> wp.Function:
+    """Return the native function of a tile, whose places are given, or those of a homography."""
+    source: Any = wp.array3d[float] if mapped else wp.array[wp.float64]
+
+    @_native.func_native(
+        "_projective_cpu.h",
+        MAPPED=int(mapped),
+        ROUNDED=int(result is wp.uint8),
+        CHANNELS=channels,
+        PART=PART,
+        PLACE_BITS=PLACE_BITS,
+        MIDDLE=MIDDLE,
+        START=START,
+        START_HIGH=START_HIGH,
+    )
+    def warp_tile(
+        top: int,
+        bottom: int,
+        start: int,
+        slab: int,
+        src: wp.array4d[scalar],
+        places: source,
+        constant: int,
+        cval: float,
+        left: wp.array2d[int],
+        dst: wp.array4d[result],
+    ) -> int: ...
+
+    return warp_tile
 
 
 @lru_cache
