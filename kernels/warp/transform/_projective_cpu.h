@@ -1,9 +1,9 @@
 // Linear samples at given places, or through a homography, on the CPU, 16 pixels of a row at once;
 // sampling.py and projective.py have the equations.
 
-// needs MAPPED, ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
+// needs MAPPED, NEAREST, ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
 // Rows from `top` on of a tile, PART pixels wide from `start` on, of an image seen through a
-// homography, linearly: `places` takes (x, y, 1) of the result to the image. If MAPPED, it has the
+// homography, linearly or the NEAREST: `places` takes (x, y, 1) of the result to the image. If MAPPED, it has the
 // rows and the columns of all places. A tile needs little of the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
 // find: those on the last rows or the last column, and, unless all beyond the image is `cval`,
 // those beyond. So nothing is read behind the image, though more than two pixels are read at once.
@@ -16,7 +16,7 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
     typedef __typeof__(*src.data) source;
     typedef __typeof__(*dst.data) result;
     typedef __typeof__(*places.data) real;
-    enum { STEPS = ROUNDED && sizeof(source) == 1 && !MAPPED };
+    enum { STEPS = ROUNDED && sizeof(source) == 1 && !MAPPED && !NEAREST };
     typedef source taken __attribute__((vector_size(2 * N * sizeof(source))));
     typedef source taken4 __attribute__((vector_size(4 * sizeof(source))));
     typedef result given __attribute__((vector_size(N * sizeof(result))));
@@ -93,8 +93,11 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                     i = good ? i : 0, j = good ? j : 0;
                 } else {
                     const real x = xs[k], y = ys[k];
-                    good = (x >= 0) & (x < last_x) & (y >= 0) & (y < last_y - 1);
-                    i = good ? (int)y : 0, j = good ? (int)x : 0;
+                    good = NEAREST ? (x >= 0) & (x <= last_x) & (y >= 0) & (y <= last_y)
+                                   : (x >= 0) & (x < last_x) & (y >= 0) & (y < last_y - 1);
+                    // A half is added in float64: in float32 the sum may be rounded up.
+                    i = good ? (int)(NEAREST ? (double)y + 0.5 : (double)y) : 0;
+                    j = good ? (int)(NEAREST ? (double)x + 0.5 : (double)x) : 0;
                     fx[k] = (float)(x - (real)j);
                     fy[k] = (float)(y - (real)i);
                 }
@@ -119,6 +122,16 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
             result found[PART * C + 4];
             for (int b = 0; b < PART / N && N * b < size; ++b) {
                 if (!there[b]) continue;
+                if (NEAREST) {
+                    for (int k = N * b; k < N * (b + 1); ++k)
+                        for (int c = 0; c < C; ++c) {
+                            const source v = from[at[k] + c];
+                            found[k * C + c] = sizeof(source) == sizeof(result) || !ROUNDED
+                                                   ? (result)v
+                                                   : (result)(int)clipped((lanes4){} + (float)v)[0];
+                        }
+                    continue;
+                }
                 if (C == 1) {
                     source pairs[2][2 * N];
 #pragma unroll

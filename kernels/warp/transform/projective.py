@@ -37,13 +37,13 @@ def warp_perspective(
 ) -> None:
     """Sample an image where `inverse` takes the pixels of the result; one thread a pixel.
 
-    Where it is linear, the CPU takes vectors of pixels, and on CUDA a warp takes bytes together.
+    For orders 0 and 1 the CPU takes vectors of pixels; on CUDA a warp takes linear bytes together.
     """
     channels, rows = src.shape[3], dst.shape[1]
     byte = src.dtype is wp.uint8 and dst.dtype is wp.uint8
     height, width = src.shape[1:3]
-    few = order == 1 and channels in FEW and (not byte or max(height, width) < WIDEST)
-    if few and byte and dst.device.is_cuda and height > 2 and width >= 16:
+    few = order < 2 and channels in FEW and (not byte or max(height, width) < WIDEST)
+    if few and order == 1 and byte and dst.device.is_cuda and height > 2 and width >= 16:
         blocks = -(-dst.shape[2] // (32 * COLUMNS)) * -(-rows // (WARPS * ROWS))
         threads = 32 * WARPS
         inputs = [src, inverse, border, cval]
@@ -52,7 +52,7 @@ def warp_perspective(
     if few and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
         left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
-        kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels)
+        kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels, order)
         launch_slabs(kernel, rows, parts, [src, inverse, border, cval, left], [dst])
         return
     kernel = warp_kernel(src.dtype, dst.dtype, order)
@@ -87,14 +87,13 @@ def warp_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
 
 
 @lru_cache
-def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
-    """Make the linear kernel of the CPU, for few channels: 16 pixels of a row at a time.
+def warp_kernel_cpu(scalar: Any, result: Any, channels: int, order: int) -> wp.Kernel:
+    """Make the kernel of the CPU for orders 0 and 1 and few channels: 16 pixels of a row at a time.
 
     Plain Warp finds each pixel alone, and forms no vectors.
     """
-    pixel = warp_pixel(scalar, result, 1)
-
-    tile = native_tile(scalar, result, channels, False)
+    pixel = warp_pixel(scalar, result, order)
+    tile = native_tile(scalar, result, channels, order, False)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def warp_rows(
@@ -127,13 +126,14 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
     return warp_rows
 
 
-def native_tile(scalar: Any, result: Any, channels: int, mapped: bool) -> wp.Function:
+def native_tile(scalar: Any, result: Any, channels: int, order: int, mapped: bool) -> wp.Function:
     """Return the native function of a tile, whose places are given, or those of a homography."""
     source: Any = wp.array3d[float] if mapped else wp.array[wp.float64]
 
     @_native.func_native(
         "_projective_cpu.h",
         MAPPED=int(mapped),
+        NEAREST=int(order == 0),
         ROUNDED=int(result is wp.uint8),
         CHANNELS=channels,
         PART=PART,

@@ -72,13 +72,13 @@ def remap(
 ) -> None:
     """Sample an image, or the coefficients of its spline, at coordinates; one thread a pixel.
 
-    The CPU takes vectors of pixels for linear samples of few channels.
+    For orders 0 and 1 and few channels the CPU takes vectors of pixels.
     """
     rows = dst.shape[1]
-    if order == 1 and src.shape[3] in FEW and not dst.device.is_cuda:
+    if order < 2 and src.shape[3] in FEW and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
         left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
-        few = remap_kernel_cpu(src.dtype, dst.dtype, src.shape[3])
+        few = remap_kernel_cpu(src.dtype, dst.dtype, src.shape[3], order)
         launch_slabs(few, rows, parts, [src, coordinates, border, cval, left], [dst])
         return
     kernel = remap_kernel(src.dtype, dst.dtype, order)
@@ -135,13 +135,13 @@ def remap_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
 
 
 @lru_cache
-def remap_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
-    """Make the linear kernel of the CPU, for few channels: 16 pixels of a row at a time.
+def remap_kernel_cpu(scalar: Any, result: Any, channels: int, order: int) -> wp.Kernel:
+    """Make the kernel of the CPU for orders 0 and 1 and few channels: 16 pixels of a row at a time.
 
     Plain Warp finds each pixel alone, and forms no vectors.
     """
-    write = writer(scalar, result, 1)
-    tile = native_tile(scalar, result, channels, True)
+    write = writer(scalar, result, order)
+    tile = native_tile(scalar, result, channels, order, True)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def remap_rows(
