@@ -161,7 +161,7 @@ void blend_rows(int slab, int first, int last, wp::array_t<LEVEL> found, wp::arr
             }
             int i = 0;
             for (; i + 16 <= count; i += 16) {
-                // Of 16 pixels, bring the four parts of each to four vectors.
+                // Bring the four parts of 16 pixels to four vectors.
                 const floats* part = (const floats*)(parts + 4 * i);
                 const auto early = [&](int k) {
                     return __builtin_shufflevector(part[k], part[k + 1], 0, 4, 8, 12, 16, 20, 24,
