@@ -68,12 +68,16 @@ def threshold_otsu(image: Any, nbins: int = 256) -> Any:
     if dtype in (np.uint8, np.uint16):
         counts = count_levels(rt, image)
         low, high = np.nonzero(counts)[0][[0, -1]]
+        if low == high:
+            return dtype.type(low)
         counts, centers = counts[low : high + 1], np.arange(low, high + 1)
     else:
         values = np.ravel(rt.to_numpy(rt.adopt(image, dtype)))
         low, high = values.min(), values.max()
         if not np.isfinite([low, high]).all():
             raise ValueError("image must be finite")
+        if low == high:
+            return low
         if dtype.kind == "f":
             counts, edges = np.histogram(values, nbins)
             centers = (edges[:-1] + edges[1:]) / 2
@@ -83,8 +87,6 @@ def threshold_otsu(image: Any, nbins: int = 256) -> Any:
                 raise ValueError(f"image must hold integers at most 65535 apart, got {spread}")
             counts = np.bincount(values.astype(np.int64) - int(low))
             centers = int(low) + np.arange(spread + 1)
-    if low == high:
-        return dtype.type(low)
     below = np.cumsum(counts)[:-1]
     above = counts.sum() - below
     # Sums from the lowest value on, so that large values do not swamp their differences.

@@ -11,12 +11,14 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_flag, check_image, check_sides
+from cvkern._plans import planned
 from cvkern._runtime import Runtime, runtime
 from cvkern.transform.sampling import check_sampled, layout, result_dtype, shaped
 
 METHODS = ("linear", "area")
 
 
+@planned
 def resize(
     image: Any,
     shape: Sequence[int],
