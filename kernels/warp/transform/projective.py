@@ -12,16 +12,15 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.codes.transform import MIDDLE, PLACE_BITS, START, START_HIGH, WIDEST
+from cvkern.kernels.codes.transform import PLACE_BITS, START, START_HIGH, WIDEST
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 
 from ._bytes import byte_pixel
+from ._projective_cpu import FEW, PART, TALL, native_tile
 from ._taps import mapped, stored, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-FEW = (1, 3, 4)  # channels that have kernels of their own
-TALL, PART = wp.constant(32), wp.constant(128)  # rows and columns of a tile, on the CPU
 # Columns and rows of a thread, warps of a block, and blocks at once, on CUDA.
 COLUMNS, ROWS, WARPS, BLOCKS = wp.constant(4), wp.constant(4), wp.constant(4), 6
 
@@ -124,38 +123,6 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int, order: int) -> wp.K
                 pixel(src, inverse, border, cval, 0, row, start + place % PART, dst)
 
     return warp_rows
-
-
-def native_tile(scalar: Any, result: Any, channels: int, order: int, mapped: bool) -> wp.Function:
-    """Return the native function of a tile, whose places are given, or those of a homography."""
-    source: Any = wp.array3d[float] if mapped else wp.array[wp.float64]
-
-    @_native.func_native(
-        "_projective_cpu.h",
-        MAPPED=int(mapped),
-        NEAREST=int(order == 0),
-        ROUNDED=int(result is wp.uint8),
-        CHANNELS=channels,
-        PART=PART,
-        PLACE_BITS=PLACE_BITS,
-        MIDDLE=MIDDLE,
-        START=START,
-        START_HIGH=START_HIGH,
-    )
-    def warp_tile(
-        top: int,
-        bottom: int,
-        start: int,
-        slab: int,
-        src: wp.array4d[scalar],
-        places: source,
-        constant: int,
-        cval: float,
-        left: wp.array2d[int],
-        dst: wp.array4d[result],
-    ) -> int: ...
-
-    return warp_tile
 
 
 @lru_cache

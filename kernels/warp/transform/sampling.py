@@ -17,8 +17,8 @@ from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slab
 from cvkern.kernels.warp._zeros import clear
 
 from . import _spline as spline
+from ._projective_cpu import FEW, PART, TALL, native_tile
 from ._taps import AWAY, mapped, taps, writer
-from .projective import FEW, PART, TALL, native_tile
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
