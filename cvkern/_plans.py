@@ -1,4 +1,4 @@
-"""Calls on arrays of a GPU that are repeated by their launches alone.
+"""Calls on arrays of a GPU, or on small ones of NumPy, that are repeated by their launches alone.
 
 The second call with the same options, on an array of the same shape and dtype, notes its launches.
 Later calls allocate the results, and send these launches again with other addresses. They skip the
@@ -22,8 +22,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 _MOST = 128  # plans that a thread keeps
 _ALIGNED = 256  # bytes: kernels may choose by the alignment of an array
+_SMALL = 1 << 16  # elements up to which one thread of the CPU does all the work
 _DTYPES = (np.dtype(np.float32), np.dtype(np.uint8))  # others may be converted by their library
-_PLAIN = frozenset((int, float, str, bool, type(None)))  # types of options whose values are keys
+_PLAIN = frozenset((int, float, str, bool, type(None), type))  # types of options that are keys
 
 
 class _Thread(threading.local):
@@ -58,8 +59,8 @@ def planned(function: Callable[P, R]) -> Callable[P, R]:
     def quick(*args: P.args, **options: P.kwargs) -> R:
         place = _place_of(args[0]) if args else None
         given = (*args[1:], *options.values())
-        kinds = tuple(map(type, given))
-        if place is None or not _PLAIN.issuperset(kinds) or choice()[0] != "warp" or capturing():
+        kinds = tuple(map(_kind, given))
+        if place is None or not _plain(kinds) or choice()[0] != "warp" or capturing():
             return function(*args, **options)
         key = (function, place, given, kinds, tuple(options))
         plans = _thread.plans
@@ -79,16 +80,46 @@ def planned(function: Callable[P, R]) -> Callable[P, R]:
     return quick
 
 
+def planned_on_gpus(function: Callable[P, R]) -> Callable[P, R]:
+    """Make a function repeat its launches, unless NumPy's arrays give it more to do than these."""
+    quick = planned(function)
+
+    @functools.wraps(function)
+    def either(*args: P.args, **options: P.kwargs) -> R:
+        host = bool(args) and isinstance(args[0], np.ndarray)
+        return (function if host else quick)(*args, **options)
+
+    return either
+
+
 def forget() -> None:
     """Forget the plans of this thread, and so the memory that they keep."""
     _thread.plans.clear()
 
 
+def _kind(option: Any) -> Any:
+    """Return the type of an option, because 1 and True are equal; of a tuple, those in it."""
+    kind = type(option)
+    return tuple(map(type, option)) if kind is tuple else kind
+
+
+def _plain(kinds: tuple[Any, ...]) -> bool:
+    """Tell whether values of these kinds can be keys."""
+    return all(_PLAIN.issuperset(k) if type(k) is tuple else k in _PLAIN for k in kinds)
+
+
 def _place_of(image: Any) -> Any:
     """Return the properties that decide the launches of a call: shape, dtype, device and stream.
 
-    Return None if `image` is no tensor on a GPU that kernels take as it is.
+    Return None if `image` is neither a tensor on a GPU nor a small array of NumPy that kernels take
+    as it is.
     """
+    if type(image) is np.ndarray:
+        flags = image.flags
+        plain = image.size <= _SMALL and image.dtype in _DTYPES and flags.c_contiguous
+        if not plain or not flags.aligned or choice()[1] != "cpu":
+            return None
+        return image.shape, image.dtype, "cpu"
     if type(image).__module__ != "torch" or not image.is_cuda:
         return None
     if image.requires_grad or not image.is_contiguous() or image.is_neg():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from cvkern._checks import (
 )
 from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
+from cvkern.filters.thresholds import count_levels
 from cvkern.kernels.codes.color import LEVELS, SLOTS, TONES
 
 MOST = {np.dtype(np.uint8): 255, np.dtype(np.uint16): LEVELS - 1}
@@ -74,14 +76,10 @@ def equalize_hist(image: Any, nbins: int = 256, *, dtype: Any = "float32") -> An
     size = int(np.prod(shape))
     result = rt.empty(shape, dtype)
     if most:
-        counts = rt.zeros((most + 1,), np.int32)
-        found = rt.adopt(image, CODES[most], (size,))
-        rt.color.contrast.count_levels(found, counts)
-        shares = np.cumsum(rt.to_numpy(counts), dtype=np.int64) / size
-        rt.color.contrast.look_up(
-            rt.adopt(image, CODES[most], (size, 1)), found,
-            rt.send("table", _carried(shares * top, dtype)), rt.adopt(result, dtype, (size, 1)),
-        )  # fmt: skip
+        shares = np.cumsum(count_levels(rt, image)) / size
+        given, found = (rt.adopt(image, CODES[most], s) for s in ((size, 1), (size,)))
+        table = rt.send("table", _carried(shares * top, dtype))
+        rt.color.contrast.look_up(given, found, table, rt.adopt(result, dtype, (size, 1)))
         return rt.release(result)
     values = rt.adopt(image, np.float32, (size,))
     out = rt.adopt(result, dtype, (size,))
@@ -192,9 +190,7 @@ def equalize_adapthist(
         flat = rt.scratch("contrast.levels", (size,), CODES[top])
         found = flat.reshape((rows, columns))
         contrast.levels(values, float(1 if most else top), flat)
-    step = (LEVELS - 1) // top
-    tones = np.rint(_stretched(*_extent(rt, flat), top + 1, TONES - 1, step)).astype(np.int64)
-    bins = rt.send("bins", (tones // (1 + TONES // nbins)).astype(np.int32))
+    bins = rt.send("bins", _bins_of_levels(*_extent(rt, flat), top, nbins))
 
     tall, wide = -(-rows // height), -(-columns // width)
     histograms = rt.zeros((tall, wide, nbins), np.int32)
@@ -210,12 +206,11 @@ def equalize_adapthist(
         (TONES - 1) / pixels,
         maps.reshape((tall * wide, nbins)),
     )
-    shares = np.append(np.arange(height) / height, np.arange(width) / width)
     mixed = rt.scratch("contrast.mixed", (rows, columns), np.uint16)
-    contrast.blend(found, bins, maps, rt.send("shares", shares), height, mixed)
+    contrast.blend(found, bins, maps, rt.send("shares", _shares(height, width)), height, mixed)
     flat = mixed.reshape((size,))
-    table = _stretched(*_extent(rt, flat), TONES, 1 if dtype.kind == "f" else 255)
-    table = _carried(table, dtype if channels == 1 else np.dtype(np.float32))
+    white = 1 if dtype.kind == "f" else 255
+    table = _table(*_extent(rt, flat), white, dtype if channels == 1 else np.dtype(np.float32))
     result = rt.empty(tuple(image.shape), dtype)
     contrast.look_up(
         values, flat, rt.send("table", table), rt.adopt(result, dtype, (size, channels))
@@ -293,5 +288,25 @@ def _stretched(least: int, most: int, count: int, top: float, step: int = 1) -> 
     return (levels.clip(least, most) - least) / (most - least) * top
 
 
+@lru_cache(maxsize=16)
+def _bins_of_levels(least: int, most: int, top: int, nbins: int) -> np.ndarray:
+    """Return the bin of each level, whose tones are stretched from `least` to `most`."""
+    tones = np.rint(_stretched(least, most, top + 1, TONES - 1, (LEVELS - 1) // top))
+    return (tones.astype(np.int64) // (1 + TONES // nbins)).astype(np.int32)
+
+
+@lru_cache(maxsize=16)
+def _table(least: int, most: int, white: int, dtype: np.dtype) -> np.ndarray:
+    """Return the value of each tone, from 0 for `least` to `white` for `most`."""
+    return _carried(_stretched(least, most, TONES, white), dtype)
+
+
+@lru_cache(maxsize=16)
+def _shares(height: int, width: int) -> np.ndarray:
+    """Return how far the rows and then the columns of a tile are through it."""
+    return np.append(np.arange(height) / height, np.arange(width) / width)
+
+
+@lru_cache(maxsize=16)
 def _reflected(size: int, wanted: int) -> np.ndarray:
     return np.pad(np.arange(size, dtype=np.int32), (0, wanted - size), mode="reflect")

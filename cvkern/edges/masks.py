@@ -10,7 +10,7 @@ import numpy as np
 
 from cvkern._arrays import NUMPY, library
 from cvkern._checks import check_choice, check_code, check_image, check_number, check_photograph
-from cvkern._plans import planned
+from cvkern._plans import planned_on_gpus
 from cvkern._runtime import Runtime, runtime
 from cvkern._strips import in_strips
 from cvkern._tape import capturing
@@ -37,7 +37,7 @@ class EdgeOptions(NamedTuple):
     batch_axis: int | None = None
 
 
-@planned
+@planned_on_gpus
 @in_strips
 def canny(
     image: Any,

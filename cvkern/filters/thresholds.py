@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_integer
-from cvkern._runtime import runtime
+from cvkern._runtime import Runtime, runtime
 
 _WIDEST = 1 << 16  # bins of a histogram of integers, one for each value
 
@@ -44,8 +45,8 @@ def threshold_otsu(image: Any, nbins: int = 256) -> Any:
     Notes
     -----
     Equal to :func:`skimage.filters.threshold_otsu`, and to `cv2.threshold` with `THRESH_OTSU` of a
-    uint8 image. Of equal variances, the smallest threshold wins. The histogram is counted on the
-    host, so an array on a GPU is copied.
+    uint8 image. Of equal variances, the smallest threshold wins. The histogram of uint8 and
+    uint16 is counted where the image is, others on the host: an array on a GPU is copied.
 
     References
     ----------
@@ -64,26 +65,41 @@ def threshold_otsu(image: Any, nbins: int = 256) -> Any:
     rt = runtime(image)
     given = library(image).dtype(image)
     dtype = np.dtype(np.float64) if given.kind == "f" else given
-    values = np.ravel(rt.to_numpy(rt.adopt(image, dtype)))
-    low, high = values.min(), values.max()
-    if not np.isfinite([low, high]).all():
-        raise ValueError("image must be finite")
-    if low == high:
-        return low
-    if dtype.kind == "f":
-        counts, edges = np.histogram(values, nbins)
-        centers = (edges[:-1] + edges[1:]) / 2
+    if dtype in (np.uint8, np.uint16):
+        counts = count_levels(rt, image)
+        low, high = np.nonzero(counts)[0][[0, -1]]
+        if low == high:
+            return dtype.type(low)
+        counts, centers = counts[low : high + 1], np.arange(low, high + 1)
     else:
-        spread = int(high) - int(low)
-        if spread >= _WIDEST:
-            raise ValueError(f"image must hold integers at most 65535 apart, got {spread}")
-        counts = np.bincount(values.astype(np.int64) - int(low))
-        centers = int(low) + np.arange(spread + 1)
+        values = np.ravel(rt.to_numpy(rt.adopt(image, dtype)))
+        low, high = values.min(), values.max()
+        if not np.isfinite([low, high]).all():
+            raise ValueError("image must be finite")
+        if low == high:
+            return low
+        if dtype.kind == "f":
+            counts, edges = np.histogram(values, nbins)
+            centers = (edges[:-1] + edges[1:]) / 2
+        else:
+            spread = int(high) - int(low)
+            if spread >= _WIDEST:
+                raise ValueError(f"image must hold integers at most 65535 apart, got {spread}")
+            counts = np.bincount(values.astype(np.int64) - int(low))
+            centers = int(low) + np.arange(spread + 1)
     below = np.cumsum(counts)[:-1]
-    above = len(values) - below
+    above = counts.sum() - below
     # Sums from the lowest value on, so that large values do not swamp their differences.
     places = centers - centers[0]
     sums = np.cumsum(counts * places)
     between = below * above * (sums[:-1] / below - (sums[-1] - sums[:-1]) / above) ** 2
     best = centers[int(np.argmax(between))]
     return dtype.type(best)
+
+
+def count_levels(rt: Runtime, image: Any) -> np.ndarray:
+    """Count how often each value of uint8 or uint16 occurs."""
+    dtype = np.dtype(library(image).dtype(image))
+    counts = rt.zeros((1 << 8 * dtype.itemsize,), np.int32)
+    rt.color.contrast.count_levels(rt.adopt(image, dtype, (math.prod(image.shape),)), counts)
+    return rt.to_numpy(counts).astype(np.int64)

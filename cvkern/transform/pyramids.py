@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
+from cvkern._arrays import NUMPY
 from cvkern._checks import check_integer, check_number, refuse_masks
 from cvkern._runtime import runtime
 from cvkern.filters.linear import gaussian
@@ -151,6 +154,12 @@ def _check(
 
 def _real(image: Any) -> Any:
     """Return the image as float32, in memory of its own."""
+    rt = runtime(image)
+    if rt.library is NUMPY and rt.device == "cpu":
+        floats = rt.empty(tuple(image.shape))
+        with np.errstate(over="ignore"):
+            np.copyto(floats, image, casting="unsafe")
+        return floats
     return gaussian(image, 0.0, channel_axis=None if len(image.shape) == 2 else -1)
 
 

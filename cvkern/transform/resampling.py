@@ -11,12 +11,14 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_flag, check_image, check_sides
+from cvkern._plans import planned
 from cvkern._runtime import Runtime, runtime
 from cvkern.transform.sampling import check_sampled, layout, result_dtype, shaped
 
 METHODS = ("linear", "area")
 
 
+@planned
 def resize(
     image: Any,
     shape: Sequence[int],
@@ -123,6 +125,7 @@ def weights_along(size: int, count: int, rule: str) -> tuple[np.ndarray, np.ndar
         weights = (1 - np.abs(pixel - center[:, None]) / wide).clip(0)
         weights = np.where(pixel < size, weights, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
+    weights = weights[:, : int(np.nonzero(weights.any(axis=0))[0][-1]) + 1]
     return start.astype(np.int32), np.ascontiguousarray(weights, np.float32)
 
 

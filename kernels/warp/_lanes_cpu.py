@@ -10,6 +10,7 @@ from typing import Any
 
 import warp as wp
 
+from ._replays import spoil
 from ._scratch import scratch, view
 
 # 16 SIMD registers of 8 floats (AVX2) hold two sums of 32 floats and their summands, or one sum of
@@ -31,6 +32,7 @@ def padded(array: wp.array, name: str, width: int = LANES) -> wp.array:
     rows, columns = array.shape
     if columns >= width:
         return array
+    spoil()
     wide = scratch(name, (rows, width), array.dtype, array.device)
     wide.numpy()[:, :columns] = array.numpy()
     return wide

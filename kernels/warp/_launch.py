@@ -13,7 +13,7 @@ import warp as wp
 from cvkern.kernels._threads import cpu_threads
 
 from ._internals import Command, load
-from ._replays import note
+from ._replays import note, spoil
 from ._scratch import scratch, view
 from ._streams import current_stream
 
@@ -119,6 +119,7 @@ def _share(
     if count == 1:
         work()
         return
+    spoil()  # other threads do not note their launches
     others = [_threads().submit(work) for _ in range(min(cpu_threads(), count) - 1)]
     work()
     # Nothing is left for a thread that has not begun: waiting for it would cost its wake-up.

@@ -42,3 +42,10 @@ def test_what_has_no_histogram_is_refused():
         cvkern.threshold_otsu([[0.0, np.nan]])
     with pytest.raises(ValueError, match="at most 65535 apart, got 65536"):
         cvkern.threshold_otsu(np.array([[0, 65536]]))
+
+
+@pytest.mark.parametrize("value", [np.float64(1.2e38), np.uint8(7), np.int32(-5)])
+def test_one_value_is_its_own_threshold(backend, value):
+    found = cvkern.threshold_otsu(np.full((3, 2), value))
+    assert found == value
+    assert found.dtype == value.dtype

@@ -1,4 +1,4 @@
-"""Calls that are repeated by their launches alone, here with Warp's arrays on the CPU."""
+"""Calls that are repeated by their launches alone, here on the CPU: arrays of Warp and NumPy."""
 
 import threading
 from typing import Any
@@ -25,13 +25,8 @@ CALLS = {
 
 
 @pytest.fixture
-def planned(monkeypatch):
-    """Plan calls on arrays of the CPU too; return how often launches were repeated."""
-    monkeypatch.setattr(
-        _plans,
-        "_place_of",
-        lambda a: (a.shape, a.dtype, (a.ptr or 0) % 64) if isinstance(a, wp.array) else None,
-    )
+def repeats(monkeypatch):
+    """Return how often launches were repeated."""
     monkeypatch.setattr(_plans, "_thread", _plans._Thread())
     repeated = []
     launch = launches.Plan.launch
@@ -40,6 +35,17 @@ def planned(monkeypatch):
     )
     with cvkern.use(backend="warp"):
         yield repeated
+
+
+@pytest.fixture
+def planned(repeats, monkeypatch):
+    """Plan calls on Warp's arrays of the CPU, and not on those of NumPy."""
+    monkeypatch.setattr(
+        _plans,
+        "_place_of",
+        lambda a: (a.shape, a.dtype, (a.ptr or 0) % 64) if isinstance(a, wp.array) else None,
+    )
+    return repeats
 
 
 def noise(seed, shape=(40, 64)):
@@ -90,8 +96,42 @@ def test_what_is_no_plain_option_is_checked_each_time(planned):
             cvkern.box(image, wrong)
         with pytest.raises(ValueError, match="sigma must be >= 0"):
             cvkern.gaussian(image, -1.0)
-        cvkern.gaussian(image, (1.0, 2.0))
+        cvkern.gaussian(image, [1.0, 2.0])
     assert len(planned) == 2
+
+
+@pytest.mark.parametrize("name", [*CALLS, "median", "bytes", "resize"])
+def test_small_arrays_of_numpy_are_planned(repeats, name):
+    calls = {
+        **CALLS,
+        "median": lambda x: cvkern.median(x, 2),
+        "bytes": lambda x: cvkern.gaussian(x, (1.0, 2.0), dtype=np.uint8),
+        "resize": lambda x: cvkern.resize(x, (33, 20), method="area"),
+    }
+    call, kept = calls[name], []
+    for scalar in (np.float32, np.uint8):
+        for shape in ((40, 64), (40, 65), (3, 5), (700, 100)):
+            for seed in range(4):
+                values = (noise(seed, shape) * 255).astype(scalar)
+                got = call(values)
+                # A stride makes an array that is not planned.
+                kept.append((got, call(np.repeat(values, 2, axis=1)[:, ::2])))
+    for got, want in kept:
+        for a, b in zip(fields(got), fields(want), strict=True):
+            np.testing.assert_array_equal(a, b)
+    # Images of 3 x 5 may be copied to longer rows; the largest are for several threads.
+    assert len(repeats) >= 2 * 2 or name in ("canny", "quantiles")
+    assert not repeats or name not in ("canny", "quantiles")  # may warn that there is no edge
+
+
+def test_arrays_that_kernels_cannot_take_are_not_planned(repeats):
+    for _ in range(4):
+        cvkern.box(noise(0).astype(np.float64))
+        cvkern.box(noise(0).astype(">f4"))
+        cvkern.box(noise(0, (300, 300)))
+        with cvkern.use(backend="taichi"):
+            cvkern.box(noise(0))
+    assert not repeats
 
 
 def test_released_memory_ends_plans(planned):

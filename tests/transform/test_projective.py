@@ -153,12 +153,23 @@ def test_resize_is_opencvs(backend, shape):
 
 @pytest.mark.parametrize("channels", [3, 300])
 def test_resize_to_few_pixels(backend, channels):
-    """Pixels of the result that read more than the CPU's tiles hold, and many channels."""
+    """Each pixel of the result reads many, or has many channels."""
     image = noise(30 * channels, 200).reshape(30, 200, channels)
     got = cvkern.resize(image, (2, 2), method="area", channel_axis=-1)
     want = image.astype(float).reshape(2, 15, 2, 100, channels).mean(axis=(1, 3))
     # Sums of 15 and of 100 positive numbers, each rounded: (15 + 100) 2^-24 at most.
     np.testing.assert_allclose(got, want, rtol=1e-5, atol=0)
+
+
+@pytest.mark.parametrize("wide", [33, 100, 200])
+def test_resize_ignores_pixels_without_weight(backend, wide):
+    """On the CPU the ways for different widths read pixels whose weight is 0."""
+    image = noise(6, 200)
+    image[2, 7:] = np.inf
+    got = cvkern.resize(image, (3, wide), antialias=False, method="area")
+    assert np.isfinite(got[[0, 2]]).all()
+    first = 7 * wide // 200  # the first pixel that covers a part of column 7
+    np.testing.assert_array_equal(np.isfinite(got[1]), np.arange(wide) < first)
 
 
 def test_resize_of_bytes(backend):

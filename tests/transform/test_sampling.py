@@ -83,6 +83,20 @@ def test_bytes(backend, order):
     assert cvkern.remap(image, where, 1).dtype == np.float32
 
 
+@pytest.mark.parametrize("channels", [1, 3, 4])
+@pytest.mark.parametrize("scalar", ["uint8", "float32"])
+def test_bytes_of_few_channels(backend, scalar, channels):
+    """On the CPU, linear samples of few channels inside the image are made 16 at a time."""
+    image = noise(30, 40 * channels, dtype="uint8").reshape(30, 40, channels).astype(scalar)
+    where = places(30, 40, (5, 150), reach=0.1)
+    got = cvkern.remap(image, where, mode="nearest", channel_axis=-1, dtype=np.uint8)
+    layers = [ndi.map_coordinates(image[..., c].astype(float), where.astype(float), order=1,
+                                  mode="nearest") for c in range(channels)]  # fmt: skip
+    want = np.stack(layers, axis=-1)
+    # Half a step of rounding, and three roundings of float32 of at most 255.
+    np.testing.assert_allclose(got, want, rtol=0, atol=0.5 + 3 * 2**-16)
+
+
 def test_what_is_no_place_is_outside(backend):
     image = np.ones((3, 3))
     where = np.full((2, 1, 3), np.nan, np.float32)

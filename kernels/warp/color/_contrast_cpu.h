@@ -99,7 +99,13 @@ void blend_rows(int slab, int first, int last, wp::array_t<LEVEL> found, wp::arr
 #pragma clang fp contract(off)
     typedef int ints __attribute__((vector_size(16), aligned(4), may_alias));
     typedef double doubles __attribute__((vector_size(32), aligned(8), may_alias));
-    typedef float floats __attribute__((vector_size(16), aligned(4), may_alias));
+    typedef double pair __attribute__((vector_size(64), aligned(8), may_alias));
+    typedef float floats __attribute__((vector_size(64), aligned(4), may_alias));
+    typedef float halves __attribute__((vector_size(32), aligned(4), may_alias));
+    typedef int whole __attribute__((vector_size(64), aligned(4), may_alias));
+    typedef wp::uint16 words __attribute__((vector_size(32), aligned(2), may_alias));
+    // A parameter of 64 bytes allows the registers of 64 bytes in this function.
+    const auto times = [](pair a, pair b) __attribute__((always_inline)) { return a * b; };
     const int columns = found.shape[1], width = shares.shape[0] - height;
     const int tall = maps.shape[0], wide = maps.shape[1];
     const size_t length = maps.shape[2], step = BYTES ? 256 : length;
@@ -111,6 +117,7 @@ void blend_rows(int slab, int first, int last, wp::array_t<LEVEL> found, wp::arr
         across[i] = (doubles){1.0 - u, u, 1.0 - u, u};
     }
     float parts[4 * PART];
+    doubles* product = across + width;  // weights of the four tiles in a row
     int ready = -1;
     for (int y = first; y < last; ++y) {
         const int py = y + height / 2, below = py / height;
@@ -132,21 +139,53 @@ void blend_rows(int slab, int first, int last, wp::array_t<LEVEL> found, wp::arr
         }
         const double v = shares.data[py % height];
         const doubles down = {1.0 - v, 1.0 - v, v, v};
+        for (int i = 0; i < width; ++i) product[i] = across[i] * down;
         const LEVEL* row = found.data + (size_t)y * columns;
         wp::uint16* out = mixed.data + (size_t)y * columns;
         for (int x = 0; x < columns;) {
             const int px = x + width / 2;
             const ints* here = own + px / width * step;
-            const doubles* weight = across + px % width;
+            const doubles* weight = product + px % width;
             int count = width - px % width;
             count = count < columns - x ? count : columns - x;
             count = count < PART ? count : PART;
-            for (int i = 0; i < count; ++i) {
-                const ints tones = here[BYTES ? row[x + i] : bin[row[x + i]]];
-                *(floats*)(parts + 4 * i) = __builtin_convertvector(
-                    __builtin_convertvector(tones, doubles) * (weight[i] * down), floats);
+            const auto tones = [=](int i) { return here[BYTES ? row[x + i] : bin[row[x + i]]]; };
+            for (int i = 0; i < count; i += 2) {
+                const int next = i + 1 < count ? 1 : 0;
+                const auto two =
+                    __builtin_shufflevector(tones(i), tones(i + next), 0, 1, 2, 3, 4, 5, 6, 7);
+                const pair weights =
+                    __builtin_shufflevector(weight[i], weight[i + next], 0, 1, 2, 3, 4, 5, 6, 7);
+                *(halves*)(parts + 4 * i) = __builtin_convertvector(
+                    times(__builtin_convertvector(two, pair), weights), halves);
             }
-            for (int i = 0; i < count; ++i) {
+            int i = 0;
+            for (; i + 16 <= count; i += 16) {
+                // Bring the four parts of 16 pixels to four vectors.
+                const floats* part = (const floats*)(parts + 4 * i);
+                const auto early = [&](int k) {
+                    return __builtin_shufflevector(part[k], part[k + 1], 0, 4, 8, 12, 16, 20, 24,
+                                                   28, 1, 5, 9, 13, 17, 21, 25, 29);
+                };
+                const auto late = [&](int k) {
+                    return __builtin_shufflevector(part[k], part[k + 1], 2, 6, 10, 14, 18, 22, 26,
+                                                   30, 3, 7, 11, 15, 19, 23, 27, 31);
+                };
+                const auto upper = [](floats a, floats b) {
+                    return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20,
+                                                   21, 22, 23);
+                };
+                const auto lower = [](floats a, floats b) {
+                    return __builtin_shufflevector(a, b, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26,
+                                                   27, 28, 29, 30, 31);
+                };
+                const floats a = early(0), b = early(2), c = late(0), d = late(2);
+                const floats sum = ((upper(a, b) + lower(a, b)) + upper(c, d)) + lower(c, d);
+                const whole tone = __builtin_convertvector(sum, whole);
+                *(words*)(out + x + i) =
+                    __builtin_convertvector(tone < TONES - 1 ? tone : TONES - 1, words);
+            }
+            for (; i < count; ++i) {
                 const float* part = parts + 4 * i;
                 const int tone = (int)(((part[0] + part[1]) + part[2]) + part[3]);
                 out[x + i] = (wp::uint16)(tone < TONES - 1 ? tone : TONES - 1);
@@ -161,12 +200,39 @@ void blend_rows(int slab, int first, int last, wp::array_t<LEVEL> found, wp::arr
 void read_table(int slab, int first, int last, wp::array_t<LEVEL> found, wp::array_t<BITS> table,
                 wp::array_t<BITS> out) {
     const LEVEL* __restrict__ from = found.data;
-    const BITS* values = table.data;
+    const BITS* __restrict__ values = table.data;
     BITS* __restrict__ to = out.data;
     size_t i = first;
-    for (; i + 8 <= last; i += 8)
-#pragma clang loop unroll(full)
-        for (int k = 0; k < 8; ++k) to[i + k] = values[from[i + k]];
+#if defined(__AVX512VBMI__)
+    // One instruction reads 64 bytes of a table of 128.
+    typedef signed char Bytes __attribute__((vector_size(64)));
+    const auto choose = [](const void* half, Bytes at) __attribute__((always_inline)) {
+        Bytes low, high;
+        __builtin_memcpy(&low, half, sizeof low);
+        __builtin_memcpy(&high, (const char*)half + 64, sizeof high);
+        return (Bytes)__builtin_ia32_vpermi2varqi512((__attribute__((vector_size(64))) char)low,
+                                                     (__attribute__((vector_size(64))) char)at,
+                                                     (__attribute__((vector_size(64))) char)high);
+    };
+    for (; sizeof(LEVEL) + sizeof(BITS) == 2 && i + 64 <= last; i += 64) {
+        Bytes at;
+        __builtin_memcpy(&at, from + i, sizeof at);
+        const Bytes made = at < 0 ? choose(values + 128, at) : choose(values, at);
+        __builtin_memcpy(to + i, &made, sizeof made);
+    }
+    typedef int Sixteen __attribute__((vector_size(64)));
+    typedef LEVEL Levels __attribute__((vector_size(16 * sizeof(LEVEL))));
+    const auto gather = [=](Sixteen at) __attribute__((always_inline)) {
+        return (Sixteen)__builtin_ia32_gathersiv16si((Sixteen){}, values, at, 0xffff, 4);
+    };
+    for (; sizeof(BITS) == 4 && i + 16 <= last; i += 16) {
+        Levels at;
+        __builtin_memcpy(&at, from + i, sizeof at);
+        const Sixteen made = gather(__builtin_convertvector(at, Sixteen));
+        __builtin_memcpy((void*)(to + i), &made, sizeof made);
+    }
+#endif
+#pragma clang loop unroll_count(8)
     for (; i < last; ++i) to[i] = values[from[i]];
 }
 

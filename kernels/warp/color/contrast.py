@@ -113,7 +113,7 @@ def blend(
         shape = (number, (maps.shape[1] + 1) * 4 * _entries(found, maps.shape[2]))
         quads = scratch("contrast.parts", shape, wp.int32, found.device)
         kernel = cpu.blend_rows[found.dtype]
-        shape = (number, 4 * (shares.shape[0] - height))
+        shape = (number, 8 * (shares.shape[0] - height))
         weights = scratch("contrast.weights", shape, wp.float64, found.device)
         launch_slabs(kernel, rows, number, [*inputs, quads, weights], [mixed])
 

@@ -135,3 +135,18 @@ def root_mean_square(
         for k in range(LANES):
             root[k] = wp.sqrt((x[k] * x[k] + y[k] * y[k]) * 0.5)
         dst[0, i] = root
+
+
+@wp.kernel
+def add(
+    slab: int,
+    first: int,
+    last: int,
+    dy: wp.array2d[f32_lanes],  # (1, N)
+    dx: wp.array2d[f32_lanes],
+    # outputs
+    dst: wp.array2d[f32_lanes],
+):
+    for lane in range(first, last):
+        i = wp.min(lane * LANES, dy.shape[1] - 1)
+        dst[0, i] = dy[0, i] + dx[0, i]

@@ -108,19 +108,26 @@ def root_mean_square(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
     if dy.device.is_cuda:
         launch(cuda.root_mean_square, size, _flat(dy, dx), _flat(dst))
         return
-    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, dst)]
-    wide = [padded(a, f"root_mean_square.{i}") for i, a in enumerate(given)]
-    views = [vectors(a, f32_lanes) for a in wide]
-    lanes_of_all = -(-size // LANES)
-    launch_slabs(
-        cpu.root_mean_square, lanes_of_all, slabs(lanes_of_all, size), views[:2], views[2:]
-    )
-    unpad(wide[2], given[2])
+    _in_lanes(cpu.root_mean_square, dy, dx, dst)
 
 
 def add(dy: wp.array, dx: wp.array, dst: wp.array) -> None:
     """Compute ``dy + dx`` of each pair."""
-    launch_each(each.add, dst.size, dst.size, _flat(dy, dx), _flat(dst))
+    if dst.device.is_cuda:
+        launch_each(each.add, dst.size, dst.size, _flat(dy, dx), _flat(dst))
+    else:
+        _in_lanes(cpu.add, dy, dx, dst)
+
+
+def _in_lanes(kernel: wp.Kernel, dy: wp.array, dx: wp.array, dst: wp.array) -> None:
+    """Launch a kernel of pairs on the CPU, over lanes."""
+    size = dst.size
+    given = [view(a, wp.float32, (1, size)) for a in (dy, dx, dst)]
+    wide = [padded(a, f"{kernel.key}.{i}") for i, a in enumerate(given)]
+    views = [vectors(a, f32_lanes) for a in wide]
+    lanes_of_all = -(-size // LANES)
+    launch_slabs(kernel, lanes_of_all, slabs(lanes_of_all, size), views[:2], views[2:])
+    unpad(wide[2], given[2])
 
 
 def confine(mask: wp.array, dst: wp.array) -> None:

@@ -6,7 +6,7 @@ integers: by their bits, in reversed order for negative ones.
 
 import warp as wp
 
-from cvkern.kernels.warp._lanes_cpu import WIDE, padded, vectors
+from cvkern.kernels.warp._lanes_cpu import LANES, WIDE, padded, vectors
 from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._structs import struct_of
 
@@ -55,11 +55,22 @@ def median(
 
 def keys_of_floats(bits: wp.array, keys: wp.array) -> None:
     """Convert bits of floats to integers of the same order: invert negative ones below the sign."""
-    flat = (bits.size,)
-    launch(_keys.keys_of_floats, flat, [bits.reshape(flat)], [keys.reshape(flat)])
+    _convert(_keys.keys_of_floats, _keys.keys_of_lanes, bits, keys)
 
 
 def floats_of_keys(keys: wp.array, bits: wp.array) -> None:
     """Undo `keys_of_floats`."""
-    flat = (keys.size,)
-    launch(_keys.floats_of_keys, flat, [keys.reshape(flat)], [bits.reshape(flat)])
+    _convert(_keys.floats_of_keys, _keys.lanes_of_keys, keys, bits)
+
+
+def _convert(kernel: wp.Kernel, lanes: wp.Kernel, src: wp.array, dst: wp.array) -> None:
+    """Launch `kernel` for each element; on the CPU, whole lanes first, as `dst` may be `src`."""
+    size = src.size
+    whole = 0 if dst.device.is_cuda else size // LANES
+    if whole:
+        views = [vectors(view(a, wp.int32, (1, size)), _keys.i32_lanes) for a in (src, dst)]
+        launch_slabs(lanes, whole, slabs(whole, size), views[:1], views[1:])
+    rest = size - whole * LANES
+    if rest:
+        ends = [view(a, wp.int32, (size,))[size - rest :] for a in (src, dst)]
+        launch(kernel, rest, ends[:1], ends[1:])

@@ -1,21 +1,22 @@
-// Linear samples through a homography on the CPU, 16 pixels of a row at once; projective.py has the
-// equation.
+// Linear samples at given places, or through a homography, on the CPU, 16 pixels of a row at once;
+// sampling.py and projective.py have the equations.
 
-// needs ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
+// needs MAPPED, NEAREST, ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
 // Rows from `top` on of a tile, PART pixels wide from `start` on, of an image seen through a
-// homography, linearly: `inverse` takes (x, y, 1) of the result to the image. A tile needs little of
-// the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
+// homography, linearly or the NEAREST: `places` takes (x, y, 1) of the result to the image. If MAPPED, it has the
+// rows and the columns of all places. A tile needs little of the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
 // find: those on the last rows or the last column, and, unless all beyond the image is `cval`,
 // those beyond. So nothing is read behind the image, though more than two pixels are read at once.
 // Bytes of the result from bytes are in whole steps: see _bytes.py.
 int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
-              wp::array_t<double> inverse, int constant, float cval, wp::array_t<int> left,
+              wp::array_t<double> places, int constant, float cval, wp::array_t<int> left,
               wp::array_t<float> dst) {
 #pragma clang fp contract(off)
     enum { N = 16, C = CHANNELS, INSIDE = 1, LEFT = 2, AWAY = 4 };
     typedef __typeof__(*src.data) source;
     typedef __typeof__(*dst.data) result;
-    enum { STEPS = ROUNDED && sizeof(source) == 1 };
+    typedef __typeof__(*places.data) real;
+    enum { STEPS = ROUNDED && sizeof(source) == 1 && !MAPPED && !NEAREST };
     typedef source taken __attribute__((vector_size(2 * N * sizeof(source))));
     typedef source taken4 __attribute__((vector_size(4 * sizeof(source))));
     typedef result given __attribute__((vector_size(N * sizeof(result))));
@@ -33,9 +34,9 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
     };
     const int planes = dst.shape[0], tall = dst.shape[1], wide = dst.shape[2];
     const int height = src.shape[1], width = src.shape[2], pitch = width * C;
-    const double* const m = inverse.data;
-    const double last_x = width - 1, last_y = height - 1;
-    const bool affine = m[6] == 0.0 && m[7] == 0.0 && m[8] == 1.0;
+    const auto* const m = places.data;
+    const real last_x = width - 1, last_y = height - 1;
+    const bool affine = !MAPPED && m[6] == 0.0 && m[7] == 0.0 && m[8] == 1.0;
     const result outside = (result)(ROUNDED ? (float)(int)clipped((lanes4){} + cval)[0] : cval);
     int* const list = left.data + (size_t)slab * left.shape[1];
     int listed = 0;
@@ -43,11 +44,17 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
     for (int row = top; row < bottom; ++row) {
         // First all places, then all samples: their divisions and loads do not wait for another.
         const double v = row;
-        double xs[PART], ys[PART];
+        real xs[PART], ys[PART];
         int at[PART], state[PART], there[PART / N], other[PART / N];
         float fx[PART], fy[PART];
         int share[4][PART];  // The shares of the four pixels of a place, in steps.
-        for (int k = 0; k < PART; ++k) {
+        const auto* const here = m + (size_t)row * wide + start;
+        for (int k = 0; MAPPED && k < size; ++k) {
+            ys[k] = here[k];
+            xs[k] = here[k + (size_t)tall * wide];
+        }
+        for (int k = size; MAPPED && k < PART; ++k) xs[k] = ys[k] = 0;
+        for (int k = 0; k < PART && !MAPPED; ++k) {
             const double u = start + k;
             xs[k] = STEPS ? m[0] * u + (m[1] * v + m[2]) : m[0] * u + m[1] * v + m[2];
             ys[k] = STEPS ? m[3] * u + (m[4] * v + m[5]) : m[3] * u + m[4] * v + m[5];
@@ -57,7 +64,8 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
             xs[k] = xs[k] * r + START;
             ys[k] = ys[k] * r + START;
         }
-        for (int k = 0; k < PART && !affine && !STEPS; ++k) {  // to divide by 1 changes nothing
+        for (int k = 0; k < PART && !affine && !STEPS && !MAPPED;
+             ++k) {  // to divide by 1 changes nothing
             const double w = m[6] * (double)(start + k) + m[7] * v + m[8];
             xs[k] /= w;
             ys[k] /= w;
@@ -84,11 +92,14 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                     share[3][k] = both;
                     i = good ? i : 0, j = good ? j : 0;
                 } else {
-                    const double x = xs[k], y = ys[k];
-                    good = (x >= 0.0) & (x < last_x) & (y >= 0.0) & (y < last_y - 1.0);
-                    i = good ? (int)y : 0, j = good ? (int)x : 0;
-                    fx[k] = (float)(x - (double)j);
-                    fy[k] = (float)(y - (double)i);
+                    const real x = xs[k], y = ys[k];
+                    good = NEAREST ? (x >= 0) & (x <= last_x) & (y >= 0) & (y <= last_y)
+                                   : (x >= 0) & (x < last_x) & (y >= 0) & (y < last_y - 1);
+                    // A half is added in float64: in float32 the sum may be rounded up.
+                    i = good ? (int)(NEAREST ? (double)y + 0.5 : (double)y) : 0;
+                    j = good ? (int)(NEAREST ? (double)x + 0.5 : (double)x) : 0;
+                    fx[k] = (float)(x - (real)j);
+                    fy[k] = (float)(y - (real)i);
                 }
                 at[k] = i * pitch + j * C;
                 state[k] = good ? INSIDE : LEFT;
@@ -111,6 +122,16 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
             result found[PART * C + 4];
             for (int b = 0; b < PART / N && N * b < size; ++b) {
                 if (!there[b]) continue;
+                if (NEAREST) {
+                    for (int k = N * b; k < N * (b + 1); ++k)
+                        for (int c = 0; c < C; ++c) {
+                            const source v = from[at[k] + c];
+                            found[k * C + c] = sizeof(source) == sizeof(result) || !ROUNDED
+                                                   ? (result)v
+                                                   : (result)(int)clipped((lanes4){} + (float)v)[0];
+                        }
+                    continue;
+                }
                 if (C == 1) {
                     source pairs[2][2 * N];
 #pragma unroll
@@ -161,7 +182,7 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                     // Four pixels at once. Eight bytes have both pixels of a row.
 #pragma unroll
                     for (int k = N * b; k < N * (b + 1); k += 4) {
-                        lanes lines[2];
+                        lanes lines[2] = {};
                         lanes4 across, down;
                         whole steps = (whole){} + (1 << (PLACE_BITS - 1));
                         __builtin_memcpy(&across, fx + k, sizeof across);
@@ -194,11 +215,14 @@ int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
                             }
                         }
                         given made;
+                        const lanes sum = (1.0f - y) * lines[0] + y * lines[1];
                         if (STEPS)
                             made = __builtin_convertvector(steps >> PLACE_BITS, given);
+                        else if (ROUNDED)
+                            made = __builtin_convertvector(
+                                __builtin_convertvector(clipped(sum), whole), given);
                         else
-                            made = __builtin_convertvector((1.0f - y) * lines[0] + y * lines[1],
-                                                           given);
+                            made = __builtin_convertvector(sum, given);
                         if (C == 3)
                             made = __builtin_shufflevector(made, made, 0, 1, 2, 4, 5, 6, 8, 9, 10,
                                                            12, 13, 14, 14, 14, 14, 14);

@@ -12,16 +12,15 @@ from typing import Any
 import warp as wp
 
 from cvkern.kernels.codes.filters import Border
-from cvkern.kernels.codes.transform import MIDDLE, PLACE_BITS, START, START_HIGH, WIDEST
+from cvkern.kernels.codes.transform import PLACE_BITS, START, START_HIGH, WIDEST
 from cvkern.kernels.warp import _native
 from cvkern.kernels.warp._launch import launch, launch_each, launch_slabs, scratch, slabs
 
 from ._bytes import byte_pixel
+from ._projective_cpu import FEW, PART, TALL, native_tile
 from ._taps import mapped, stored, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-FEW = (1, 3, 4)  # channels that have kernels of their own
-TALL, PART = wp.constant(32), wp.constant(128)  # rows and columns of a tile, on the CPU
 # Columns and rows of a thread, warps of a block, and blocks at once, on CUDA.
 COLUMNS, ROWS, WARPS, BLOCKS = wp.constant(4), wp.constant(4), wp.constant(4), 6
 
@@ -37,13 +36,13 @@ def warp_perspective(
 ) -> None:
     """Sample an image where `inverse` takes the pixels of the result; one thread a pixel.
 
-    Where it is linear, the CPU takes vectors of pixels, and on CUDA a warp takes bytes together.
+    For orders 0 and 1 the CPU takes vectors of pixels; on CUDA a warp takes linear bytes together.
     """
     channels, rows = src.shape[3], dst.shape[1]
     byte = src.dtype is wp.uint8 and dst.dtype is wp.uint8
     height, width = src.shape[1:3]
-    few = order == 1 and channels in FEW and (not byte or max(height, width) < WIDEST)
-    if few and byte and dst.device.is_cuda:
+    few = order < 2 and channels in FEW and (not byte or max(height, width) < WIDEST)
+    if few and order == 1 and byte and dst.device.is_cuda:
         blocks = -(-dst.shape[2] // (32 * COLUMNS)) * -(-rows // (WARPS * ROWS))
         threads = 32 * WARPS
         inputs = [src, inverse, border, cval]
@@ -52,7 +51,7 @@ def warp_perspective(
     if few and not dst.device.is_cuda:
         parts = slabs(rows, dst.size)
         left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
-        kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels)
+        kernel = warp_kernel_cpu(src.dtype, dst.dtype, channels, order)
         launch_slabs(kernel, rows, parts, [src, inverse, border, cval, left], [dst])
         return
     kernel = warp_kernel(src.dtype, dst.dtype, order)
@@ -87,35 +86,13 @@ def warp_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
 
 
 @lru_cache
-def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
-    """Make the linear kernel of the CPU, for few channels: 16 pixels of a row at a time.
+def warp_kernel_cpu(scalar: Any, result: Any, channels: int, order: int) -> wp.Kernel:
+    """Make the kernel of the CPU for orders 0 and 1 and few channels: 16 pixels of a row at a time.
 
     Plain Warp finds each pixel alone, and forms no vectors.
     """
-    pixel = warp_pixel(scalar, result, 1)
-
-    @_native.func_native(
-        "_projective_cpu.h",
-        ROUNDED=int(result is wp.uint8),
-        CHANNELS=channels,
-        PART=PART,
-        PLACE_BITS=PLACE_BITS,
-        MIDDLE=MIDDLE,
-        START=START,
-        START_HIGH=START_HIGH,
-    )
-    def warp_tile(
-        top: int,
-        bottom: int,
-        start: int,
-        slab: int,
-        src: wp.array4d[scalar],
-        inverse: wp.array[wp.float64],
-        constant: int,
-        cval: float,
-        left: wp.array2d[int],
-        dst: wp.array4d[result],
-    ) -> int: ...
+    pixel = warp_pixel(scalar, result, order)
+    tile = native_tile(scalar, result, channels, order, False)
 
     @wp.kernel(module="unique", module_options=OPTIONS)
     def warp_rows(
@@ -135,11 +112,11 @@ def warp_kernel_cpu(scalar: Any, result: Any, channels: int) -> wp.Kernel:
         if border == int(Border.CONSTANT):
             constant = int(1)
         across = (dst.shape[2] + PART - 1) // PART
-        for tile in range((last - first + TALL - 1) // TALL * across):
-            top = first + tile // across * TALL
-            start = tile % across * PART
+        for item in range((last - first + TALL - 1) // TALL * across):
+            top = first + item // across * TALL
+            start = item % across * PART
             bottom = wp.min(top + TALL, last)
-            count = warp_tile(top, bottom, start, slab, src, inverse, constant, cval, left, dst)
+            count = tile(top, bottom, start, slab, src, inverse, constant, cval, left, dst)
             for k in range(count):
                 place = left[slab, k]
                 row = top + place // PART

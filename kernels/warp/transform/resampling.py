@@ -3,7 +3,7 @@
 Pixel i of the result along an axis is ``sum_k w_ik s_(b_i + k)``: the host chooses the starts b and
 the weights w, which are shares of areas for a smaller image and linear ones for a larger one. Sums
 are in float32, in the order of k. On CUDA a thread takes a pixel of a pass. On the CPU
-it takes groups of 16 rows, both passes at once (_resampling_cpu.h).
+a thread makes both passes row by row (_resampling_cpu.h).
 """
 
 from functools import lru_cache
@@ -17,7 +17,7 @@ from cvkern.kernels.warp._launch import launch, launch_slabs, scratch, slabs, vi
 from ._taps import stored
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
-ROWS = 16  # rows of the result that the CPU makes together
+BLOCK = 16  # elements of the result that the CPU makes together
 
 
 def resample(
@@ -30,15 +30,19 @@ def resample(
 ) -> None:
     """Weigh the pixels of a column from the top of each row on, then those of each row alike.
 
-    One thread an element and pass; on the CPU both passes are done together, over vectors.
+    One thread an element and pass; on the CPU a thread takes a slab of rows.
     """
     planes, height, width, channels = src.shape
     tall, wide = dst.shape[1:3]
     if not dst.device.is_cuda:
-        groups = planes * -(-tall // ROWS)
-        parts = slabs(groups, dst.size * along.shape[1])
-        inputs = [src, tops, down, starts, along]
-        launch_slabs(resample_kernel_cpu(src.dtype, dst.dtype), groups, parts, inputs, [dst])
+        rows = planes * tall
+        parts = slabs(rows, dst.size * along.shape[1])
+        even, count = along.shape[1] + along.shape[1] % 2, wide * channels
+        # What has no weight is read too.
+        size = (even + 2) * count + (width + even) * channels + 4 * BLOCK
+        room = scratch("resample.room", (parts, size), wp.float32, dst.device)
+        inputs = [src, tops, down, starts, along, room]
+        launch_slabs(resample_kernel_cpu(src.dtype, dst.dtype), rows, parts, inputs, [dst])
         return
     inner = width * channels
     lines = view(src, src.dtype, (planes, height, inner))
@@ -88,21 +92,9 @@ def resample_kernel_cpu(scalar: Any, result: Any) -> wp.Kernel:
 
     Plain Warp takes many times as long: it indexes each element, and forms no vectors.
     """
-    native = _native.func_native("_resampling_cpu.h", ROUNDED=int(result is wp.uint8))
 
-    @native
+    @_native.kernel("_resampling_cpu.h", OPTIONS, ROUNDED=int(result is wp.uint8))
     def resample_rows(
-        group: int,
-        src: wp.array4d[scalar],
-        tops: wp.array[int],
-        down: wp.array2d[float],
-        starts: wp.array[int],
-        along: wp.array2d[float],
-        dst: wp.array4d[result],
-    ): ...
-
-    @wp.kernel(module="unique", module_options=OPTIONS)
-    def resample_groups(
         slab: int,
         first: int,
         last: int,
@@ -111,10 +103,10 @@ def resample_kernel_cpu(scalar: Any, result: Any) -> wp.Kernel:
         down: wp.array2d[float],  # (H', T)
         starts: wp.array[int],  # (W',)
         along: wp.array2d[float],  # (W', T')
+        # scratch
+        room: wp.array2d[float],  # one line per slab
         # outputs
         dst: wp.array4d[result],  # (P, H', W', C)
-    ):
-        for group in range(first, last):
-            resample_rows(group, src, tops, down, starts, along, dst)
+    ): ...
 
-    return resample_groups
+    return resample_rows

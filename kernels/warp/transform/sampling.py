@@ -12,10 +12,12 @@ from typing import Any
 
 import warp as wp
 
-from cvkern.kernels.warp._launch import launch_each, scratch, view
+from cvkern.kernels.codes.filters import Border
+from cvkern.kernels.warp._launch import launch_each, launch_slabs, scratch, slabs, view
 from cvkern.kernels.warp._zeros import clear
 
 from . import _spline as spline
+from ._projective_cpu import FEW, PART, TALL, native_tile
 from ._taps import AWAY, mapped, taps, writer
 
 OPTIONS = {"enable_backward": False, "fuse_fp": False}
@@ -68,7 +70,17 @@ def remap(
     margin: int,
     dst: wp.array,
 ) -> None:
-    """Sample an image, or the coefficients of its spline, at coordinates; one thread a pixel."""
+    """Sample an image, or the coefficients of its spline, at coordinates; one thread a pixel.
+
+    For orders 0 and 1 and few channels the CPU takes vectors of pixels.
+    """
+    rows = dst.shape[1]
+    if order < 2 and src.shape[3] in FEW and not dst.device.is_cuda:
+        parts = slabs(rows, dst.size)
+        left = scratch("projective.left", (parts, TALL * PART), wp.int32, dst.device)
+        few = remap_kernel_cpu(src.dtype, dst.dtype, src.shape[3], order)
+        launch_slabs(few, rows, parts, [src, coordinates, border, cval, left], [dst])
+        return
     kernel = remap_kernel(src.dtype, dst.dtype, order)
     count = dst.shape[1] * dst.shape[2]
     launch_each(kernel, count, dst.size, [src, coordinates, border, cval, margin], [dst])
@@ -120,6 +132,49 @@ def remap_kernel(scalar: Any, result: Any, order: int) -> wp.Kernel:
             write(src, y, x, border, cval, i, j, dst)
 
     return remap_pixels
+
+
+@lru_cache
+def remap_kernel_cpu(scalar: Any, result: Any, channels: int, order: int) -> wp.Kernel:
+    """Make the kernel of the CPU for orders 0 and 1 and few channels: 16 pixels of a row at a time.
+
+    Plain Warp finds each pixel alone, and forms no vectors.
+    """
+    write = writer(scalar, result, order)
+    tile = native_tile(scalar, result, channels, order, True)
+
+    @wp.kernel(module="unique", module_options=OPTIONS)
+    def remap_rows(
+        slab: int,
+        first: int,
+        last: int,
+        src: wp.array4d[scalar],  # (P, H, W, C)
+        coordinates: wp.array3d[float],  # (2, H', W')
+        border: int,
+        cval: float,
+        # scratch
+        left: wp.array2d[int],  # (slabs, TALL * PART)
+        # outputs
+        dst: wp.array4d[result],  # (P, H', W', C)
+    ):
+        constant = int(0)
+        if border == int(Border.CONSTANT):
+            constant = int(1)
+        across = (dst.shape[2] + PART - 1) // PART
+        for item in range((last - first + TALL - 1) // TALL * across):
+            top = first + item // across * TALL
+            start = item % across * PART
+            bottom = wp.min(top + TALL, last)
+            count = tile(top, bottom, start, slab, src, coordinates, constant, cval, left, dst)
+            for k in range(count):
+                place = left[slab, k]
+                i = top + place // PART
+                j = start + place % PART
+                y = mapped(wp.float64(coordinates[0, i, j]), src.shape[1], border)[0]
+                x = mapped(wp.float64(coordinates[1, i, j]), src.shape[2], border)[0]
+                write(src, y, x, border, cval, i, j, dst)
+
+    return remap_rows
 
 
 @lru_cache

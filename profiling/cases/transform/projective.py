@@ -38,6 +38,31 @@ def _apart(ours: tuple[np.ndarray, ...], right: tuple[np.ndarray, ...]) -> float
     return float(np.abs(a.astype(float) - b).max()) if a.shape == b.shape else np.inf
 
 
+def _waves(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return a colour picture and places that bend its lines."""
+    y, x = np.mgrid[: shape[0], : shape[1]].astype(np.float32)
+    places = np.stack((y + 3 * np.sin(x / 50), x + 3 * np.cos(y / 40)))
+    return _color(shape, rng), places.astype(np.float32)
+
+
+def _sampled(image: np.ndarray, places: np.ndarray) -> np.ndarray:
+    sample: Any = scipy.ndimage.map_coordinates
+    layers = (image[..., c].astype(float) for c in range(image.shape[2]))
+    return np.stack([sample(a, places, order=1, mode="nearest") for a in layers], axis=2)
+
+
+def _smaller(image: np.ndarray) -> tuple[int, int]:
+    return image.shape[0] * 2 // 3, image.shape[1] * 2 // 3
+
+
+def _between(image: np.ndarray) -> np.ndarray:
+    """Sample where the pixels of the smaller picture have their centres."""
+    ratios = np.divide(image.shape, _smaller(image))[:, None, None]
+    places = (np.indices(_smaller(image)) + 0.5) * ratios - 0.5
+    sample: Any = scipy.ndimage.map_coordinates
+    return sample(image.astype(float), places, order=1, mode="nearest")
+
+
 def _half(image: np.ndarray) -> tuple[int, int]:
     return image.shape[0] // 2, image.shape[1] // 2
 
@@ -62,6 +87,49 @@ CASES = (
                 note="other rounding",
             ),
         ),
+    ),
+    Case(
+        name="remap",
+        title="Colour at given places, linear, uint8 x 3",
+        image=_waves,
+        call=lambda x, at: cvkern.remap(x, at, mode="nearest", channel_axis=-1, dtype=np.uint8),
+        oracle=_sampled,
+        oracle_name="scipy.ndimage.map_coordinates",
+        difference=_apart,
+        tolerance=0.51,
+        bytes_per_pixel=14,
+        operations_per_pixel=30,
+        peers=(
+            Peer(
+                "OpenCV",
+                "cv2",
+                lambda m, x, at: m.remap(
+                    x, at[1], at[0], m.INTER_LINEAR, borderMode=m.BORDER_REPLICATE
+                ),
+                note="places to 1/32 of a pixel",
+            ),
+        ),
+        sizes=("1080p",),
+    ),
+    Case(
+        name="resize_linear",
+        title="Two thirds of the size, linear without smoothing, float32",
+        image=photograph,
+        call=lambda x: cvkern.resize(x, _smaller(x), antialias=False),
+        oracle=_between,
+        oracle_name="scipy.ndimage.map_coordinates",
+        difference=relative,
+        tolerance=1e-6,
+        bytes_per_pixel=6,
+        operations_per_pixel=3,
+        peers=(
+            Peer(
+                "OpenCV",
+                "cv2",
+                lambda m, x: m.resize(x, _smaller(x)[::-1], interpolation=m.INTER_LINEAR),
+            ),
+        ),
+        sizes=("1080p",),
     ),
     Case(
         name="resize_area",
