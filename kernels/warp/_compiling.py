@@ -42,6 +42,7 @@ def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
 
     One thread at a time loads a module, but several threads load several modules.
     """
+    _leave_out_bfloat16(kernel.module)
     meanwhile = _cache.MEANWHILE.get()
     if meanwhile:
         kept = _cached(kernel, block)
@@ -51,6 +52,16 @@ def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
         _compilers().submit(_make, kernel, device, block).result()
     else:
         _make(kernel, device, block)
+
+
+def _leave_out_bfloat16(module: Any) -> None:
+    """Make Warp's headers shorter by a type that we do not use; this is 0.7 s of 1.8."""
+    with _lock:
+        if module.options["cpu_compiler_flags"] is None:
+            flags = wp.config.cpu_compiler_flags
+            flags = "-march=native" if flags is None else flags
+            flags = f"{flags} -DWP_NO_BFLOAT16="
+            wp.set_module_options({"cpu_compiler_flags": flags}, module)
 
 
 def _make(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
