@@ -37,29 +37,32 @@ class _Others:
 
     def __init__(self, names: tuple[str, ...]):
         self._names = names
-        self._left: list[Callable[[], object]] = []
+        self._left: Iterator[Callable[[], object]] = iter(())
         self._threads: list[threading.Thread] = []
+        self._ended = False
 
     def begin(self, device: str) -> None:
-        """Begin to compile for a device, if this is the first time."""
-        if self._threads:
+        """Begin to compile for a device, if this is the first time and there are more cores."""
+        if self._threads or cpu_threads() == 1:
             return
         backend = choice()[0]
-        self._left = [*map(warm_up_call, reversed(self._names))]
+        self._left = iter([*map(warm_up_call, self._names)])
         for _ in range(min(cpu_threads(), len(self._names))):
             thread = threading.Thread(target=self._work, args=(backend, device), daemon=True)
             self._threads.append(thread)
             thread.start()
 
     def _work(self, backend: str, device: str) -> None:
-        # The call that needs the kernel reports whatever is wrong with it.
-        with suppress(Exception), use(backend, device):
-            while self._left:
-                self._left.pop()()
+        with use(backend, device):
+            for call in self._left:
+                if self._ended:
+                    return
+                with suppress(Exception):  # the call that needs the kernel will report it
+                    call()
 
     def end(self) -> None:
         """Begin no more calls, and wait for those that run."""
-        self._left.clear()
+        self._ended = True
         for thread in self._threads:
             thread.join()
 

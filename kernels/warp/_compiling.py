@@ -57,7 +57,7 @@ def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
 def _leave_out_bfloat16(module: Any) -> None:
     """Make Warp's headers shorter by a type that we do not use; this is 0.7 s of 1.8."""
     with _lock:
-        if module.options["cpu_compiler_flags"] is None:
+        if module.options.get("cpu_compiler_flags", "") is None:
             flags = wp.config.cpu_compiler_flags
             flags = "-march=native" if flags is None else flags
             flags = f"{flags} -DWP_NO_BFLOAT16="
@@ -119,7 +119,7 @@ def _shared_header(cache: Path) -> Iterator[None]:
         yield
         return
     with _header_lock:
-        if cache not in _headers:
+        if cache not in _headers or not _headers[cache].is_dir():
             place = cache / f"wp_cvkern_header_{header_target()}"
             if not _whole(place):
                 with _new_header(cache, place):
