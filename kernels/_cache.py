@@ -7,12 +7,17 @@ import os
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
+from contextvars import ContextVar
 
 # The environment variable that chooses the folder of each set.
 VARIABLES = {"warp": "WARP_CACHE_PATH", "taichi": "TI_OFFLINE_CACHE_FILE_PATH"}
 
 # Seconds; Taichi holds its lock while it reads or writes the list of kernels, for less than one.
 OLD = 60.0
+
+# What the caller does, given the device, before it waits for a kernel that is not in the cache.
+MEANWHILE: ContextVar[Callable[[str], None] | None] = ContextVar("cvkern_meanwhile", default=None)
 
 
 def refusal(folder: str | os.PathLike[str]) -> str:

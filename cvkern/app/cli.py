@@ -134,15 +134,12 @@ def tour(
 @app.command()
 def warmup(backend: Backend = None, device: Device = None) -> None:
     """Compile every kernel in advance, so that first calls are fast."""
-    from cvkern.app.warmup import calls
+    from cvkern.app.warmup import compile_all
 
-    todo = list(calls())
     with cvkern.use(backend=backend, device=device), progress_bar() as bar:
-        task = bar.add_task("", total=len(todo))
-        for name, call in todo:
-            bar.update(task, description=name)
-            call()
-            bar.advance(task)
+        task = bar.add_task("", total=None)
+        for done, total, name in compile_all():
+            bar.update(task, completed=done, total=total, description=name)
     typer.echo("All kernels are compiled.")
 
 

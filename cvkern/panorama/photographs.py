@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._ahead import compiles_ahead
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
 from cvkern.features._photographs import as_host, check_photograph, prepared, white_of
@@ -63,6 +64,7 @@ class _Matches(NamedTuple):
     """(N,) float64: squared scales of both keypoints, in pixels of the second photograph."""
 
 
+@compiles_ahead("geometry.find_homography", "features.match_descriptors")
 def match_photographs(
     image0: Any,
     image1: Any,

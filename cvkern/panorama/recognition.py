@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from cvkern._ahead import compiles_ahead
 from cvkern.panorama.registration import (
     Progress,
     check_heap,
@@ -24,6 +25,7 @@ class Recognition(NamedTuple):
     """The pairs of images that overlap, i < j, ascending."""
 
 
+@compiles_ahead("geometry.find_homographies", "features.match_images")
 def recognize_panoramas(
     images: Sequence[Any],
     *,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._ahead import compiles_ahead
 from cvkern._arrays import library
 from cvkern._checks import MAX_ELEMENTS, check_integer
 from cvkern._runtime import Runtime, runtime
@@ -27,6 +28,7 @@ from cvkern.panorama.registration import Heap, Progress, check_heap, link_images
 MAX_PIXELS = 100_000_000
 
 
+@compiles_ahead("geometry.find_homographies", "features.match_images")
 def stitch(
     images: Sequence[Any],
     *,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._ahead import compiles_ahead
 from cvkern._checks import check_choice, check_flag, check_integer
 from cvkern._files import as_path
 from cvkern._runtime import refuse_capture, runtime
@@ -28,6 +29,12 @@ from cvkern.reconstruction._photographs import MOST_KEYPOINTS
 from cvkern.reconstruction._results import finished, nothing
 from cvkern.reconstruction.models import Reconstruction
 from cvkern.scale.journals import Journal
+
+AHEAD = (
+    "geometry.find_essential", "geometry.find_pose", "geometry.find_homography",
+    "reconstruction.adjust_bundle", "features.match_images",
+)  # fmt: skip
+UNKNOWN_AHEAD = "geometry.find_fundamental", *AHEAD  # to find focal lengths as well
 
 
 def reconstruct(
@@ -178,7 +185,8 @@ def reconstruct(
     plan = {} if journal is None else plan_of(rt, heap, [given, focals, lens, refine], options)
     book = Journal(journal, plan)
     lenses = lenses_of(heap, given, focals, lens == "own", refine)
-    grown = find_models(Course(rt, options, book, say), heap, lenses)
+    with compiles_ahead(*(AHEAD if lenses.told.all() else UNKNOWN_AHEAD)):
+        grown = find_models(Course(rt, options, book, say), heap, lenses)
     made = [finished(labels, growth, heap) for growth in grown]
     book.remove()
     if not made:

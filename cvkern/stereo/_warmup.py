@@ -37,7 +37,10 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "remove_speckles", partial(stereo.remove_speckles, real)
     yield "fill_disparity", partial(stereo.fill_disparity, real)
     yield "guided_median", partial(stereo.guided_median, real, byte)
-    for image, axis in ((byte, None), (real, None), (np.uint8(color), -1)):
-        match = partial(stereo.stereo_match, image, image, (0, 8), channel_axis=axis)
-        for method, paths in (("window", 8), ("semi-global", 4), ("semi-global", 8)):
-            yield "stereo_match", partial(match, method=method, paths=paths)
+    # Kernels are compiled for vectors of 64 disparities, and of 32 for fewer.
+    for image, axis in ((np.uint8(color), -1), (byte, None), (real, None)):
+        match = partial(stereo.stereo_match, image, image, channel_axis=axis)
+        for paths in (8, 4):
+            for span in ((0, 36), (0, 8)):
+                yield "stereo_match", partial(match, span, method="semi-global", paths=paths)
+        yield "stereo_match", partial(match, (0, 8), method="window")

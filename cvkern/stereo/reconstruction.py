@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cvkern._ahead import compiles_ahead
 from cvkern._checks import check_integer, check_positive
 from cvkern.stereo.depth import PointCloud
 from cvkern.stereo.matching import stereo_match
@@ -20,6 +21,14 @@ SHARE = 0.005  # share of matches at each end that do not widen the range of dis
 MARGIN, LEAST_MARGIN = 0.1, 4  # extension of the range at each end: share of the range, or pixels
 MOST_DISPARITIES = 512
 FLAT = 0.9  # share of the matches from which on one map explains too many to tell depths
+
+AHEAD = {
+    True: ("geometry.find_fundamental", "stereo.stereo_match", "features.match_descriptors"),
+    False: (
+        "geometry.find_essential", "geometry.find_homography", "stereo.stereo_match",
+        "features.match_descriptors",
+    ),
+}  # fmt: skip
 
 
 class PairReconstruction(NamedTuple):
@@ -137,17 +146,18 @@ def reconstruct_pair(
     most = check_integer(max_side, "max_side", 64, 2**15)
     given = [_photograph(image, name) for image, name in ((image0, "image0"), (image1, "image1"))]
     cameras = _cameras(K, (image0, image1), given)
-    sized = [_reduced(photo, k, most) for photo, k in zip(given, cameras, strict=True)]
-    photos, used = [photo for photo, _ in sized], np.stack([k for _, k in sized])
-    a, b = _matches(photos, max_keypoints, max_ratio)
-    f, a, b, rotation, translation = _geometry(a, b, used, K is not None, threshold, seed)
-    translation = length * translation
-    H0, H1, warped = _rectified(a, b, f, photos)
-    one, other = _mapped(H0, a), _mapped(H1, b)
-    sparse = one[:, 1] - other[:, 1]
-    rays0, rays1 = _rays(a, used[0]), _rays(b, used[1])
-    points = _depths(rays0, rays1, rotation, translation)[:, None] * rays0
-    disparity, valid = _dense(warped, sparse, points[:, 2])
+    with compiles_ahead(*AHEAD[K is None]):
+        sized = [_reduced(photo, k, most) for photo, k in zip(given, cameras, strict=True)]
+        photos, used = [photo for photo, _ in sized], np.stack([k for _, k in sized])
+        a, b = _matches(photos, max_keypoints, max_ratio)
+        f, a, b, rotation, translation = _geometry(a, b, used, K is not None, threshold, seed)
+        translation = length * translation
+        H0, H1, warped = _rectified(a, b, f, photos)
+        one, other = _mapped(H0, a), _mapped(H1, b)
+        sparse = one[:, 1] - other[:, 1]
+        rays0, rays1 = _rays(a, used[0]), _rays(b, used[1])
+        points = _depths(rays0, rays1, rotation, translation)[:, None] * rays0
+        disparity, valid = _dense(warped, sparse, points[:, 2])
     space = _space(disparity, (H0, H1), used, rotation, translation)
     inside = [_inside(h, p.shape, disparity.shape) for h, p in zip((H0, H1), photos, strict=True)]
     rows, columns = np.indices(disparity.shape)

@@ -13,7 +13,8 @@ import numpy as np
 import warp as wp
 
 from . import _pages, _replays, _scratch, _streams
-from ._internals import replace_cache, view_at
+from ._compiling import replace_cache
+from ._internals import view_at
 
 _LINE = 64  # bytes of a cache line; rows of this size should not cross two lines
 

@@ -1,25 +1,24 @@
 """Shortcuts through Warp's private parts, each with a plain fallback.
 
 Two steps in Warp's Python take longer than a small kernel runs: making an array that views memory,
-and packing the arguments of a launch. The quick ways below depend on Warp's internals. They are
+and packing the arguments of a launch. Compiling for the CPU begins with two seconds for Warp's own
+headers, in each process and thread. The quick ways below depend on Warp's internals. They are
 used with the versions that they were tested with. A newer Warp gets the plain ways, which use the
 documented interface and give the same results more slowly.
 """
 
 from __future__ import annotations
 
-import atexit
-import os
+import hashlib
 import re
-import shutil
-import tempfile
+import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
-
-from cvkern.kernels import _cache
 
 TESTED = (1, 19)  # the newest minor version of Warp that the quick ways were tested with
 _MAX_LAYOUTS = 512
@@ -145,48 +144,16 @@ view_at = _quick_view_at if QUICK else _plain_view_at
 Command = _QuickCommand if QUICK else _PlainCommand
 
 
-def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
-    """Compile and load the module of `kernel` for blocks of `block` threads.
-
-    If its cached files cannot be loaded, they are removed once, because a killed process or a full
-    disk may have left an incomplete file. If the cache cannot be written to and does not have the
-    module, it is replaced by one for this process.
-    """
-    kept = _cached(kernel, block)
-    there = kept is not None and kept.is_dir()
-    try:
-        _load(kernel, device, block)
-    except Exception:
-        folder = wp.config.kernel_cache_dir
-        reason = _cache.refusal(folder) if folder else ""
-        if reason:
-            replace_cache(reason)
-        elif kept is not None and there:
-            shutil.rmtree(kept, ignore_errors=True)
-        else:
-            raise
-        kernel.module.mark_modified()  # reset the failed state
-        _load(kernel, device, block)
+def put_header(folder: Path) -> None:
+    """Make Warp look for this thread's precompiled header there, and put it there if missing."""
+    context: Any = sys.modules["warp._src.context"]
+    context.runtime._pch_dirs[threading.get_ident()] = SimpleNamespace(name=str(folder))
 
 
-def replace_cache(reason: str) -> None:
-    """Keep compiled kernels in a folder for this process only, and warn."""
-    _cache.warn("warp", wp.config.kernel_cache_dir or "", reason)
-    wp.config.kernel_cache_dir = tempfile.mkdtemp(prefix="cvkern-kernels-")
-    atexit.register(shutil.rmtree, wp.config.kernel_cache_dir, ignore_errors=True)
-
-
-def _load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
-    if QUICK:
-        kernel.module.load(device, block)
-    else:
-        wp.load_module(kernel.module, device, block_dim=block)
-
-
-def _cached(kernel: wp.Kernel, block: int) -> Path | None:
-    """Return the cache folder of the module of `kernel`, or None if Warp does not tell."""
-    identify = getattr(kernel.module, "get_module_identifier", None)
-    folder = wp.config.kernel_cache_dir
-    if identify is None or not folder:
-        return None
-    return Path(os.fspath(folder)) / identify(block)
+def header_target() -> str:
+    """Return a name for Warp's headers and for the processor for which they are compiled."""
+    context: Any = sys.modules["warp._src.context"]
+    headers = Path(wp.__file__).parent / "native"
+    newest = max(file.stat().st_mtime_ns for file in headers.glob("*.h"))
+    processor = context._get_host_cpu_name(), sorted(context._get_cpu_feature_set())
+    return hashlib.sha256(repr((str(headers), newest, processor)).encode()).hexdigest()[:8]

@@ -12,7 +12,8 @@ import warp as wp
 
 from cvkern.kernels._threads import cpu_threads
 
-from ._internals import Command, load
+from ._compiling import load
+from ._internals import Command
 from ._replays import note, spoil
 from ._scratch import scratch, view
 from ._streams import current_stream
@@ -40,7 +41,6 @@ _commands = _Commands()
 _lock = threading.Lock()
 _loaded: set[tuple[wp.Kernel, str, int]] = set()
 _pool: ThreadPoolExecutor | None = None
-_compiling: ThreadPoolExecutor | None = None
 
 
 def launch(
@@ -162,30 +162,14 @@ def _send(
 
 
 def _load(kernel: wp.Kernel, device: wp.Device, threads: int) -> None:
-    """Compile and load the module of `kernel`; Warp must not do this on two threads at once.
+    """Compile and load the module of `kernel`.
 
     This is needed for each kernel, because a kernel that is made later must be added to its module.
     """
     key = (kernel, device.alias, threads)
     if key not in _loaded:
-        with _lock:
-            if key not in _loaded:
-                if device.is_cpu:
-                    _compiler().submit(load, kernel, device, threads).result()
-                else:
-                    load(kernel, device, threads)
-                _loaded.add(key)
-
-
-def _compiler() -> ThreadPoolExecutor:
-    """Return the only thread that compiles for the CPU.
-
-    On each new thread that compiles, Clang would parse Warp's headers again, for two seconds.
-    """
-    global _compiling
-    if _compiling is None:
-        _compiling = ThreadPoolExecutor(1, thread_name_prefix="cvkern-compiler")
-    return _compiling
+        load(kernel, device, threads)
+        _loaded.add(key)
 
 
 def _threads() -> ThreadPoolExecutor:
@@ -199,8 +183,8 @@ def _threads() -> ThreadPoolExecutor:
 
 def _after_fork() -> None:
     """Reset the parent's threads and locks, because a forked child has none of the threads."""
-    global _pool, _compiling, _lock
-    _pool, _compiling, _lock = None, None, threading.Lock()
+    global _pool, _lock
+    _pool, _lock = None, threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
