@@ -9,7 +9,8 @@ import numpy as np
 
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._photographs import as_host, check_photograph, prepared, white_of
+from cvkern._whites import white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared
 from cvkern.features.keypoints import Features
 from cvkern.features.matching import match_descriptors
 from cvkern.geometry.fitting import scaled
@@ -93,7 +94,9 @@ def match_photographs(
         Largest ratio of the distances of the nearest and the second nearest descriptor, for the
         first homography; in (0, 1].
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
     seed : int, default 0
         Seed of the random samples.
 
