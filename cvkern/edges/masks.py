@@ -292,7 +292,7 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
     if 0 < most < thresholds.high:
         warnings.warn(
             f"no edge was found: the longest gradient of the image is {most:.4g}, below "
-            f"high_threshold {thresholds.high:.4g}",
+            f"high_threshold {thresholds.high:.4g}: lower it",
             UserWarning,
             stacklevel=_depth(),
         )

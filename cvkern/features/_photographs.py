@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_image, check_integer, check_positive
+from cvkern._checks import check_image, check_integer
 from cvkern._runtime import Runtime
 
 
@@ -29,22 +29,14 @@ def check_photograph(
     return image, mask, max_keypoints
 
 
-def white_of(image: Any, data_range: float | None = None) -> float:
-    """Return the value of white."""
-    if data_range is not None:
-        return check_positive(data_range, "data_range")
-    dtype = library(image).dtype(image)
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
-
-
 def dtype_of_most(dtypes: Sequence[np.dtype]) -> np.dtype:
     """Return the dtype that most images have, of equally many the widest."""
     return max(dtypes, key=lambda dtype: (dtypes.count(dtype), dtype.itemsize))
 
 
-def converted(image: np.ndarray, white: float, dtype: np.dtype) -> np.ndarray:
-    """Return an image with the given white as one of another dtype, with the white of that."""
-    values = image * (white_of(np.empty(0, dtype)) / white)
+def converted(image: np.ndarray, white: float, dtype: np.dtype, wanted: float) -> np.ndarray:
+    """Return an image with the given white as one of another dtype and with the wanted white."""
+    values = image * (wanted / white)
     if dtype.kind == "u":
         values = np.nan_to_num(values).clip(0, np.iinfo(dtype).max).round()
     return values.astype(dtype)

@@ -13,9 +13,10 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
+from cvkern._whites import white_of
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
-from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked, white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked
 from cvkern.features.keypoints import Features
 from cvkern.kernels.codes.features import (
     BLUR,
@@ -68,7 +69,9 @@ def orb(
         Least difference between the middle of a circle and 9 contiguous pixels of its 16, all
         brighter or all darker, in parts of `data_range`.
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
 
     Returns
     -------

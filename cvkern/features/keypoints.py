@@ -9,8 +9,9 @@ import numpy as np
 
 from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
+from cvkern._whites import white_of
 from cvkern.features._choice import Grid, grid_of
-from cvkern.features._photographs import check_photograph, prepared, white_of
+from cvkern.features._photographs import check_photograph, prepared
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import (
     CELL_SIDE,
@@ -100,7 +101,9 @@ def sift(
         Standard deviation of the first level of an octave, in its pixels; above 0.2 (0.4 with
         `double`), at most 4.
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
 
     Returns
     -------

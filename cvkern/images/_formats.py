@@ -145,7 +145,10 @@ def _decode_by_pillow(file: Path, sides: list[int] | None) -> tuple[np.ndarray, 
             decoders = {part[0] for part in opened.tile}
         reader: Any = iio.imopen(file, "r", plugin="pillow")
     except OSError:
-        raise ValueError("it has no format that Pillow knows") from None
+        with file.open("rb") as given:
+            heic = given.read(12)[4:] in (b"ftypheic", b"ftypheix", b"ftypmif1", b"ftypmsf1")
+        what = "it is HEIC: save it as JPEG" if heic else "it has no format that Pillow knows"
+        raise ValueError(what) from None
     if sides is not None and sorted((width, height)) != sides:
         raise ValueError(f"its sides are {sides} or {sorted((width, height))}, and not both")
     ratios = {**PIXELS_A_BYTE, "bmp_rle": SKIPPED * (width + 1)}

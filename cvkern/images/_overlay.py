@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from cvkern._arrays import library
 from cvkern._checks import as_numbers, check_number
+from cvkern._whites import white_of
 
 SAMPLES = 4  # samples per side of a pixel; each of the 16 has an anti-aliasing ramp
 CHUNK = 1 << 16  # pixels sampled at a time, which bounds the memory
@@ -157,7 +158,7 @@ def canvas(image: ArrayLike, name: str = "image") -> np.ndarray:
     if array.dtype == bool:
         return array * np.uint8(255)
     if array.dtype == np.uint16:
-        return np.round(array / 257.0).astype(np.uint8)
+        return np.round(array / (white_of(array) / 255)).astype(np.uint8)
     if array.dtype.kind != "f":
         raise ValueError(f"{name} must be uint8, uint16, bool or floats, got {array.dtype}")
     low, high = array.min(), array.max()

@@ -9,7 +9,6 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._runtime import Runtime
-from cvkern.features._photographs import white_of
 from cvkern.panorama.blending import Blend
 from cvkern.panorama.planning import MOST_BANDS, Options, Plan
 from cvkern.panorama.registration import Heap
@@ -82,7 +81,7 @@ def prepare(rt: Runtime, heap: Heap, plan: Plan, options: Options) -> Drawing:
     members = plan.members
     images = [heap.images[i] for i in members]
     colour = any(len(image.shape) == 3 and image.shape[2] > 1 for image in images)
-    white = white_of(images[0], heap.white)
+    white = max(heap.whites[i] for i in members)
     dtype = library(images[0]).dtype(images[0])
     channels = 3 if colour else 1
     small = Sources([heap.small[i] for i in members], heap.factors[members], white, channels)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ import numpy as np
 from cvkern._ahead import compiles_ahead
 from cvkern._checks import check_integer, check_number, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._photographs import as_host, check_photograph, prepared, white_of
+from cvkern._whites import white_of
+from cvkern.features._photographs import as_host, check_photograph, prepared
 from cvkern.features.keypoints import Features
 from cvkern.features.matching import match_descriptors
 from cvkern.geometry.fitting import scaled
@@ -22,6 +24,8 @@ from cvkern.transform.projective import is_singular, warp_perspective
 NEAR, LEAST_NEAR = 0.01, 8.0  # and at least so many pixels
 OCTAVES = 0.6  # largest difference of the scales of matched points
 BORDER = 2.0  # pixels: points closer to the end of a drawn photograph are not matched
+STRICT = 0.8  # ratio of matches that are taken if those of `max_ratio` have no homography
+GROWTH = 1.5  # times the matches of a first homography are found again, or it is wrong
 FEW = 8  # matches; fewer are no better than those of the first homography
 # Keypoints err in proportion to their scale, and by some tenths of a pixel whatever it is. The
 # first steps allow more, because the first homography is far from many of its matches.
@@ -35,7 +39,8 @@ class PhotographMatches(NamedTuple):
 
     matrix: np.ndarray | None
     """(3, 3) float64, maps (x, y, 1) of the first photograph to the second, x the column and y the
-    row; None if no homography explains more matches than chance."""
+    row; None if no homography explains more matches than chance, and is confirmed by as many and
+    half as many more."""
     points0: np.ndarray
     """(N, 2) float64, rows and columns in the first photograph."""
     points1: np.ndarray
@@ -62,6 +67,14 @@ class _Matches(NamedTuple):
     """The same points in the second photograph."""
     squares: np.ndarray
     """(N,) float64: squared scales of both keypoints, in pixels of the second photograph."""
+
+
+class _Guess(NamedTuple):
+    """A first homography."""
+
+    matrix: np.ndarray
+    inliers: np.ndarray
+    """Matches that the homography explains, indices of keypoints (N, 2)."""
 
 
 @compiles_ahead("geometry.find_homography", "features.match_descriptors")
@@ -95,7 +108,9 @@ def match_photographs(
         Largest ratio of the distances of the nearest and the second nearest descriptor, for the
         first homography; in (0, 1].
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
     seed : int, default 0
         Seed of the random samples.
 
@@ -153,20 +168,66 @@ def match_photographs(
     rt = runtime(*images)
     grays = [_gray(rt, *given) for given in zip(images, whites, strict=True)]
     found = [keypoints_of(gray, max_keypoints, data_range=1.0) for gray in grays]
-    pairs = match_descriptors(found[0].descriptors, found[1].descriptors, max_ratio)
-    pairs = as_host(rt, pairs)
-    one, other = points = [_on_host(rt, features) for features in found]
-    fit = find_homography(
-        one.places[pairs[:, 0], ::-1], other.places[pairs[:, 1], ::-1], threshold, seed=seed
-    )
-    nothing = PhotographMatches(None, np.zeros((0, 2)), np.zeros((0, 2)))
-    if fit.matrix is None:
-        return nothing
-    inliers = pairs[np.asarray(fit.inliers)]
-    farthest = int(_distances(one, other, *inliers.T).max())
-    matrix = _refined(fit.matrix, _joined(fit.matrix, one, other, *pairs.T), threshold)
-    if is_singular(matrix) or is_singular(np.linalg.inv(matrix)):
-        return nothing
+    points = [_on_host(rt, features) for features in found]
+    for guess in _guesses(rt, found, points, (max_ratio, threshold, seed)):
+        matrix, matches, count = _seen_again(rt, grays, points, guess, (max_keypoints, threshold))
+        if count >= GROWTH * len(guess.inliers):
+            there, seen = (p[:, ::-1].copy() for p in matches[:2])
+            return PhotographMatches(scaled(matrix), there, seen)
+    none = np.zeros((0, 2))
+    return PhotographMatches(None, none, none)
+
+
+def _guesses(
+    rt: Runtime, found: list[Features], points: list[_Points], options: tuple[float, float, int]
+) -> Iterator[_Guess]:
+    """Yield first homographies.
+
+    Few keypoints of a photograph that shows all at a fraction of the size are found in the other:
+    most are among the matches of a small ratio, and where the distance is that in the larger one,
+    a threshold leaves fewer wrong ones.
+    """
+    max_ratio, threshold, seed = options
+    one, other = points
+    strict = min(max_ratio, STRICT)
+    for number, backwards in enumerate((False, False, True)):
+        ratio = strict if number else max_ratio
+        pairs = match_descriptors(found[0].descriptors, found[1].descriptors, ratio)
+        pairs = as_host(rt, pairs)
+        places = [one.places[pairs[:, 0], ::-1], other.places[pairs[:, 1], ::-1]]
+        source, target = reversed(places) if backwards else places
+        fit = find_homography(source, target, threshold, seed=seed)
+        if fit.matrix is None or _is_flat(fit.matrix):
+            continue
+        matrix = np.linalg.inv(fit.matrix) if backwards else fit.matrix
+        inliers = pairs[np.asarray(fit.inliers)]
+        # Among few matches the wrong ones would count too much.
+        used = _joined(matrix, one, other, *(inliers if number else pairs).T)
+        matrix = _refined(matrix, used, threshold)
+        if not _is_flat(matrix):
+            yield _Guess(matrix, inliers)
+
+
+def _is_flat(matrix: np.ndarray) -> bool:
+    """Tell whether a homography or its inverse takes a photograph nearly to a line."""
+    return is_singular(matrix) or is_singular(np.linalg.inv(matrix))
+
+
+def _seen_again(
+    rt: Runtime,
+    grays: list[Any],
+    points: list[_Points],
+    guess: _Guess,
+    options: tuple[int, float],
+) -> tuple[np.ndarray, _Matches, int]:
+    """Match each photograph, drawn as the other one sees it.
+
+    Return the last homography, its matches, and their number with those that both drawings have.
+    """
+    max_keypoints, threshold = options
+    one, other = points
+    farthest = int(_distances(one, other, *guess.inliers.T).max())
+    matrix = guess.matrix
     near = []
     for side, there in ((0, matrix), (1, np.linalg.inv(matrix))):
         source, target = grays[side], grays[1 - side]
@@ -177,16 +238,14 @@ def match_photographs(
     seen, back = near
     growth = _growth(matrix, back.points1)
     back = _Matches(back.points1, back.points0, back.squares * growth)
+    rows = np.concatenate([np.column_stack(part) for part in (seen, back)])
     # A keypoint with several orientations is there once.
-    rows = [np.column_stack(part) for part in (seen, back)]
-    rows = np.unique(np.concatenate(rows), axis=0)
+    rows, counts = np.unique(rows, axis=0, return_counts=True)
     last = _Matches(rows[:, :2], rows[:, 2:4], rows[:, 4])
     matrix = _refined(matrix, last, threshold)
     apart = mapped(matrix, last.points0)[0] - last.points1
     good = np.hypot(*apart.T) < threshold
-    return PhotographMatches(
-        scaled(matrix), last.points0[good, ::-1].copy(), last.points1[good, ::-1].copy()
-    )
+    return matrix, _Matches(*(part[good] for part in last)), int(counts[good].sum())
 
 
 def _gray(rt: Runtime, image: Any, white: float) -> Any:

@@ -44,7 +44,9 @@ def recognize_panoramas(
         Images of any real dtypes and sizes. Images of more than 0.6 megapixels are reduced to that
         size for the comparison.
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
     progress : function, optional
         Called with the number of completed steps, the number of all steps, and the name of the next
         one.

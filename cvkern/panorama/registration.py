@@ -12,7 +12,8 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import as_items, check_image, check_positive
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._photographs import as_host, white_of
+from cvkern._whites import white_of
+from cvkern.features._photographs import as_host
 from cvkern.features.keypoints import Features, sift
 from cvkern.features.matching import match_images
 from cvkern.geometry.maps import find_homographies
@@ -61,7 +62,8 @@ class Heap(NamedTuple):
     """The same images, with at most `WORK_PIXELS` pixels each."""
     factors: np.ndarray
     """Sides of the small images over the sides of the large ones, (N, 2) in the order x, y."""
-    white: float | None
+    whites: list[float]
+    """The value of white in each image."""
 
 
 def pixels(image: Any) -> Any:
@@ -103,7 +105,7 @@ def check_heap(images: Any, data_range: float | None) -> list[Any]:
     return checked
 
 
-def make_small(images: list[Any], white: float | None) -> Heap:
+def make_small(images: list[Any], data_range: float | None) -> Heap:
     """Shrink images to the size of the comparison."""
     small, factors = [], []
     for image in images:
@@ -112,7 +114,8 @@ def make_small(images: list[Any], white: float | None) -> Heap:
         sides = max(1, round(height * scale)), max(1, round(width * scale))
         factors.append((sides[1] / width, sides[0] / height))
         small.append(image if sides == (height, width) else resized(image, sides))
-    return Heap(images, small, np.array(factors), white)
+    whites = [white_of(image, data_range) for image in images]
+    return Heap(images, small, np.array(factors), whites)
 
 
 def resized(image: Any, sides: tuple[int, int]) -> Any:
@@ -128,7 +131,7 @@ def link_images(heap: Heap, say: Progress) -> list[Link]:
     found = []
     for i, image in enumerate(heap.small):
         say(i, 2 * count, "Keypoints")
-        found.append(keypoints(image, white_of(heap.images[i], heap.white)))
+        found.append(keypoints(image, heap.whites[i]))
     return link_features(runtime(*heap.images), heap, found, say)
 
 

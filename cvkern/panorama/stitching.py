@@ -76,7 +76,9 @@ def stitch(
     max_pixels : int, default 100000000
         A larger panorama is refused before anything is drawn.
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
     names : sequence of str, optional
         What messages call the images, such as their files. By default their indices.
     progress : function, optional

@@ -15,7 +15,8 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._runtime import runtime
-from cvkern.features._photographs import as_host, prepared, white_of
+from cvkern._whites import white_of
+from cvkern.features._photographs import as_host, prepared
 from cvkern.transform.resampling import resize
 
 SCALES = (0.71, 0.84, 1.0, 1.19, 1.41)  # sizes of objects, a quarter of an octave apart

@@ -9,7 +9,7 @@ import numpy as np
 
 from cvkern._checks import check_choice, check_image, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
-from cvkern.features._photographs import white_of
+from cvkern._whites import white_of
 from cvkern.kernels.codes.recognition import LARGEST, NOBODY
 from cvkern.recognition.patches import LEAST_SIDE, MOST_SIDE, Sampling, cut
 
@@ -57,7 +57,9 @@ def learn_codebook(
     threshold : float, default 0.7
         Least mean correlation within a cluster of `agglomerative`, in (0, 1].
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
 
     Returns
     -------

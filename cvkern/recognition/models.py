@@ -168,7 +168,9 @@ class ShapeModel:
         negatives : sequence of arrays of shape (H, W), (H, W, 3) or (H, W, 4), optional
             Pictures without objects, as counterexamples. Small ones are mirrored at their borders.
         data_range : float, optional
-            The value of white. By default the largest number of an integer dtype, else 1.
+            The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+            integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+            2^10 - 1, 2^12 - 1 and so on that no value exceeds.
 
         Returns
         -------
@@ -239,7 +241,9 @@ class ShapeModel:
         threshold : float, optional
             Least score; by default that of the model.
         data_range : float, optional
-            The value of white. By default the largest number of an integer dtype, else 1.
+            The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+            integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+            2^10 - 1, 2^12 - 1 and so on that no value exceeds.
 
         Returns
         -------

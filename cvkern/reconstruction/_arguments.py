@@ -37,7 +37,7 @@ class Photographs(NamedTuple):
     """EXIF focal lengths, pixels; NaN where unknown."""
 
 
-def read_folder(folder: Path, white: float | None, say: Progress) -> Photographs:
+def read_folder(folder: Path, data_range: float | None, say: Progress) -> Photographs:
     """Read the photographs of a folder one by one; warn of those that cannot be read."""
     from cvkern.images._exif import focal_length
     from cvkern.images.files import read_image
@@ -45,7 +45,7 @@ def read_folder(folder: Path, white: float | None, say: Progress) -> Photographs
     if not folder.is_dir():
         raise FileNotFoundError(f"images must be a folder that exists, got {str(folder)!r}")
     files = sorted(p for p in folder.iterdir() if p.suffix.lower() in PHOTOGRAPHS and p.is_file())
-    images, small, factors, names, focals = [], [], [], [], []
+    images, small, factors, whites, names, focals = [], [], [], [], [], []
     for n, file in enumerate(files):
         say(n, len(files), "Reading")
         try:
@@ -53,17 +53,18 @@ def read_folder(folder: Path, white: float | None, say: Progress) -> Photographs
         except ValueError as error:
             warnings.warn(f"a photograph is left out: {error}", stacklevel=4)
             continue
-        one = make_small(check_heap([image], white), white)
+        one = make_small(check_heap([image], data_range), data_range)
         # Only shape and dtype are needed of the large one, not its memory.
         images.append(np.broadcast_to(np.zeros((), image.dtype), image.shape))
         small += one.small
         factors.append(one.factors)
+        whites += one.whites
         names.append(file.name)
         told = focal_length(file, image.shape)
         focals.append(math.nan if told is None else told)
     if not images:
         raise ValueError(f"images must not be empty, got no photograph in {str(folder)!r}")
-    return Photographs(Heap(images, small, np.concatenate(factors), white), names, focals)
+    return Photographs(Heap(images, small, np.concatenate(factors), whites), names, focals)
 
 
 def check_names(names: Any, count: int) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._runtime import Runtime
-from cvkern.features._photographs import as_host, white_of
+from cvkern.features._photographs import as_host
 from cvkern.features.keypoints import sift
 from cvkern.geometry.cameras.lens import straightened
 from cvkern.panorama.registration import LEAST_SIDE, Heap
@@ -55,7 +55,7 @@ class Keypoints(NamedTuple):
 
 def find_keypoints(rt: Runtime, heap: Heap, i: int, most: int) -> Keypoints:
     """Find the keypoints of one of the photographs."""
-    image, white = heap.small[i], white_of(heap.images[i], heap.white)
+    image, white = heap.small[i], heap.whites[i]
     if min(image.shape[:2]) < LEAST_SIDE:
         none = np.zeros((0, 2))
         empty = np.zeros(0, int)

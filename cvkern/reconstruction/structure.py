@@ -94,7 +94,9 @@ def reconstruct(
     max_keypoints : int, default 4000
         Largest number of keypoints of a photograph.
     data_range : float, optional
-        The value of white. By default the largest number of an integer dtype, else 1.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
     seed : int, default 0
         Seed of the samples. Equal photographs, options and seed give equal results.
     journal : path, optional
@@ -169,7 +171,7 @@ def reconstruct(
         names = own_names if names is None else names
         focal_lengths = told if focal_lengths is None and cameras is None else focal_lengths
     else:
-        heap = Heap(check_heap(images, data_range), [], np.zeros((0, 2)), data_range)
+        heap = Heap(check_heap(images, data_range), [], np.zeros((0, 2)), [])
     count = len(heap.images)
     if count < 2:
         raise ValueError(f"images must be at least two, got {count}")

@@ -93,7 +93,7 @@ def read_heap(
     files: list[Path],
     notes: Path,
     run: tuple[Any, str],
-    white: float | None,
+    data_range: float | None,
     book: Journal,
     say: Progress,
     most: int,
@@ -106,7 +106,7 @@ def read_heap(
     backend, _ = choice()
     there = [notes.absolute() / f"{n}.npz" for n in range(len(files))]
     tasks = [
-        Task(str(file.absolute()), str(note), described, {"white": white}, backend, place)
+        Task(str(file.absolute()), str(note), described, {"data_range": data_range}, backend, place)
         for file, note in zip(files, there, strict=True)
         if not note.exists()
     ]
@@ -118,7 +118,7 @@ def read_heap(
         file, reason = next(iter(failed.items()))
         raise ValueError(f"paths must name images that can be read, got {file!r}: {reason}")
     kept = [there[n] for n in numbers]
-    heap = heap_of([files[n] for n in numbers], kept, white, most)
+    heap = heap_of([files[n] for n in numbers], kept, most)
     known = book.kept("links")
     if known is not None and known["numbers"].tolist() == numbers:
         return heap, _unpacked(known), numbers, failed

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern.features._photographs import converted, dtype_of_most, white_of
+from cvkern.features._photographs import converted, dtype_of_most
 from cvkern.features.keypoints import Features
 from cvkern.images.files import read_image
 from cvkern.panorama.registration import Heap, check_heap, keypoints, make_small
@@ -29,15 +29,17 @@ class Description(NamedTuple):
     """Sides of the small one over those of the large one, in the order x, y."""
     like: np.ndarray
     """An empty array of the photograph's dtype."""
+    white: np.ndarray
+    """The value of white in the photograph, ()."""
 
 
-def described(image: np.ndarray, white: float | None) -> Description:
+def described(image: np.ndarray, data_range: float | None) -> Description:
     """Find the keypoints of a photograph, as :func:`cvkern.stitch` does."""
-    one = make_small(check_heap([image], white), white)
-    found = keypoints(one.small[0], white_of(image, white))
+    one = make_small(check_heap([image], data_range), data_range)
+    found = keypoints(one.small[0], one.whites[0])
     return Description(
         one.small[0], found.points, found.responses, found.descriptors,
-        np.array(image.shape), one.factors[0], np.empty(0, image.dtype),
+        np.array(image.shape), one.factors[0], np.empty(0, image.dtype), np.array(one.whites[0]),
     )  # fmt: skip
 
 
@@ -62,12 +64,27 @@ class Held:
         return array
 
 
+class Change(NamedTuple):
+    """How the pixels of a photograph become those of the dtype that its heap has in common."""
+
+    own: np.dtype
+    dtype: np.dtype
+    own_white: float
+    white: float
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """Return an image of the common dtype; one that has it already is kept."""
+        if self.own == self.dtype:
+            return image
+        return converted(image, self.own_white, self.dtype, self.white)
+
+
 class Photograph:
     """A photograph in a file, as one of the dtype that its heap has in common."""
 
-    def __init__(self, file: Path, own: np.dtype, shape: list[int], dtype: np.dtype, held: Held):
-        self.file, self.own, self.shape, self.dtype = file, own, tuple(shape), dtype
-        self.held = held
+    def __init__(self, file: Path, shape: list[int], change: Change, held: Held):
+        self.file, self.shape, self.change, self.held = file, tuple(shape), change, held
+        self.dtype = change.dtype
 
     @property
     def bytes(self) -> int:
@@ -81,25 +98,23 @@ class Photograph:
     def decoded(self) -> np.ndarray:
         """Read the file."""
         image = read_image(self.file)
-        if image.shape != self.shape or image.dtype != self.own:
+        if image.shape != self.shape or image.dtype != self.change.own:
             raise ValueError(f"paths must not change meanwhile, but {str(self.file)!r} did")
-        return image if self.own == self.dtype else converted(image, white_of(image), self.dtype)
+        return self.change.of(image)
 
 
 class Small:
     """The small copy of a photograph, in the file of its description."""
 
-    def __init__(self, file: Path, own: np.dtype, shape: tuple[int, ...], dtype: np.dtype):
-        self.file, self.own, self.shape, self.dtype = file, own, shape, dtype
+    def __init__(self, file: Path, shape: tuple[int, ...], change: Change):
+        self.file, self.shape, self.change = file, shape, change
+        self.dtype = change.dtype
 
     def read(self) -> np.ndarray:
         """Return the pixels: bytes of bytes, else float32."""
         with np.load(self.file) as archive:
-            small = archive["small"]
-        if self.own == self.dtype:
-            return small
-        small = converted(small, white_of(np.empty(0, self.own)), self.dtype)
-        return small if self.dtype == np.uint8 else small.astype(np.float32)
+            small = self.change.of(archive["small"])
+        return small if small.dtype == np.uint8 else small.astype(np.float32, copy=False)
 
 
 class Keypoints(Sequence[Features]):
@@ -118,22 +133,25 @@ class Keypoints(Sequence[Features]):
         return Features(parts[0], none, none, parts[1], parts[2])
 
 
-def heap_of(files: list[Path], notes: list[Path], white: float | None, most: int) -> Heap:
+def heap_of(files: list[Path], notes: list[Path], most: int) -> Heap:
     """Return a heap whose images are read when they are needed.
 
     `notes` are the files of the descriptions, and photographs of `most` bytes stay in memory.
     """
-    own, shapes, small, factors = [], [], [], []
+    own, whites, shapes, small, factors = [], [], [], [], []
     for note in notes:
         with np.load(note) as archive:
             own.append(archive["like"].dtype)
+            whites.append(float(archive["white"]))
             shapes.append(archive["shape"].tolist())
             small.append(archive["small"].shape)
             factors.append(archive["factors"])
     dtype, held = dtype_of_most(own), Held(most)
+    white = max(w for w, o in zip(whites, own, strict=True) if o == dtype)
+    changes = [Change(o, dtype, w, white) for o, w in zip(own, whites, strict=True)]
     return Heap(
-        [Photograph(f, o, s, dtype, held) for f, o, s in zip(files, own, shapes, strict=True)],
-        [Small(n, o, s, dtype) for n, o, s in zip(notes, own, small, strict=True)],
+        [Photograph(f, s, c, held) for f, s, c in zip(files, shapes, changes, strict=True)],
+        [Small(n, s, c) for n, s, c in zip(notes, small, changes, strict=True)],
         np.array(factors),
-        white,
+        [c.own_white if c.own == dtype else white for c in changes],
     )

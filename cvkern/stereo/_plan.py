@@ -18,6 +18,7 @@ from cvkern._checks import (
     check_positive,
 )
 from cvkern._runtime import Runtime
+from cvkern._whites import white_of
 from cvkern.kernels.codes.stereo import (
     LARGEST_MATCH_COST,
     MAX_COSTS,
@@ -49,7 +50,7 @@ class Images(NamedTuple):
     def gray(self, rt: Runtime, name: str, image: Any) -> Any:
         """Return the grey values of an image as 8-bit integers."""
         lib = library(image)
-        range_ = white(self.data_range, lib.dtype(image))
+        range_ = white_of(image, self.data_range)
         dtype = np.dtype(np.uint8 if lib.dtype(image) == np.uint8 and range_ == 255 else np.float32)
         image = image if self.axis in (None, 2) else lib.last(image, self.axis)
         pixels = rt.adopt(image, dtype, (*self.shape, self.channels))
@@ -226,10 +227,3 @@ def plan_of(rt: Runtime, shape: tuple[int, ...], given: Mapping[str, Any]) -> Pl
     )
     plan.strips(rt)  # raises if max_bytes is too small
     return plan
-
-
-def white(data_range: float | None, dtype: np.dtype) -> float:
-    """Return the value of white in images of `dtype`."""
-    if data_range is not None:
-        return data_range
-    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0

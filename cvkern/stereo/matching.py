@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from cvkern._arrays import library
 from cvkern._checks import check_axes, check_image
 from cvkern._runtime import runtime
+from cvkern._whites import white_of_all
 from cvkern.stereo._plan import plan_of
 
 
@@ -68,9 +70,11 @@ def stereo_match(
     channel_axis : int, optional
         Axis of the channels; by default the last of (H, W, 3 or 4).
     data_range : float, optional
-        The value of white, for dtypes other than uint8. By default the largest value of an integer
-        dtype, and 1 for floating-point images. Values below 0 count as black, values above white
-        as white.
+        The value of white. By default 255 for bytes and 1 for floating-point images; for wider
+        integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
+        2^10 - 1, 2^12 - 1 and so on that no value exceeds.
+        A captured call knows only the dtype: its white is the largest integer, or 1. Values below
+        0 count as black, values above white as white.
     p1 : int, default 20
         Penalty of a path for a change of disparity by one; costs are 0 to 54.
     p2 : int, default 80
@@ -146,6 +150,8 @@ def stereo_match(
         raise ValueError(
             f"right must have the shape of left, {tuple(left.shape)}, got {tuple(right.shape)}"
         )
+    if library(left).dtype(left) == library(right).dtype(right):
+        options["data_range"] = white_of_all((left, right), data_range)
     rt = runtime(left, right)
     one = tuple(left.shape)
     stack: tuple[int, ...] = ()

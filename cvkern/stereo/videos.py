@@ -12,9 +12,10 @@ from cvkern._arrays import device, library
 from cvkern._capture import capture
 from cvkern._checks import MAX_ELEMENTS, as_items, check_image, check_integer
 from cvkern._runtime import pinned, runtime
+from cvkern._whites import white_of_all
 from cvkern.geometry.cameras.rectification import Rectification, rectify_stereo
 from cvkern.geometry.cameras.stereo_calibration import StereoCalibration
-from cvkern.stereo._plan import plan_of, white
+from cvkern.stereo._plan import plan_of
 from cvkern.stereo.depth import disparity_to_depth
 from cvkern.stereo.matching import stereo_match
 
@@ -56,8 +57,9 @@ class StereoMatcher:
 
     Notes
     -----
-    The first frame sets the library, device and dtype of all frames. Only one thread at a time may
-    use a matcher.
+    The first pair sets the library, device and dtype of all pairs and, without `data_range`, their
+    white; give `data_range` if later frames of more than 8 bits may be brighter. Only one thread
+    at a time may use a matcher.
 
     Examples
     --------
@@ -202,7 +204,7 @@ class _Frames:
         shape = tuple(left.shape)
         self._images = [self._kept.empty(shape, self._carried, rt.device) for _ in range(2)]
         self._load(left, right)
-        range_ = white(options["data_range"], dtype)
+        range_ = white_of_all((left, right), options["data_range"])
         given = {**options, "left": self._images[0], "right": self._images[1]}
         self._replay = capture(match, **{**given, "data_range": range_})
 

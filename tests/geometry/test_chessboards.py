@@ -159,6 +159,20 @@ def test_of_two_boards_it_is_the_larger():
     np.testing.assert_allclose(found, truth + np.array([0, 130]), rtol=0, atol=0.1)
 
 
+def test_noise_does_not_hide_the_larger_of_two_boards():
+    """In the full picture, chance saddles cut the grid of the large board, not of the small one."""
+    picture = np.full((480, 640), 120.0)
+    for side, top, left in ((42, 60, 130), (8, 370, 5)):
+        board = np.kron(np.indices((7, 10)).sum(axis=0) % 2, np.ones((side, side))) * 180 + 30
+        board = np.pad(board, side // 2, constant_values=210)
+        picture[top : top + board.shape[0], left : left + board.shape[1]] = board
+    noise = np.random.default_rng(0).normal(0, 25, picture.shape)
+    found = cvkern.detect_chessboard(as_bytes(cvkern.gaussian(picture, 0.8) + noise), (6, 9))
+    assert found is not None
+    first = np.sort(found.round().astype(int), axis=0)[0]
+    assert abs(first - (60 + 21 + 42, 130 + 21 + 42)).max() <= 1
+
+
 # --- primitives ----------------------------------------------------------------------------------
 
 

@@ -256,18 +256,16 @@ def test_first_of_several(tmp_path):
     assert np.array_equal(images.read_image(tmp_path / "i.tif"), stack[0])
 
 
-@pytest.mark.parametrize(
-    ("name", "data"),
-    [
-        ("text.png", b"not an image"),
-        ("empty.png", b""),
-        ("empty.tif", b""),
-        ("short.tif", b"II*\0\x08\0\0\0"),
-    ],
-)
-def test_files_that_are_no_images(tmp_path, name, data):
+@pytest.mark.parametrize(("name", "data", "reason"), [
+    ("text.png", b"not an image", "it has no format"),
+    ("empty.png", b"", "it has no format"),
+    ("empty.tif", b"", ""),
+    ("short.tif", b"II*\0\x08\0\0\0", ""),
+    ("phone.heic", b"\0\0\0\x18ftypheic", "it is HEIC: save it as JPEG"),
+])  # fmt: skip
+def test_files_that_are_no_images(tmp_path, name, data, reason):
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(ValueError, match=f"path must be a readable image, got .*{name}"):
+    with pytest.raises(ValueError, match=f"path must be a readable image, got .*{name}.*{reason}"):
         images.read_image(tmp_path / name)
 
 

@@ -50,6 +50,22 @@ def test_strangers_and_pictures_without_points():
         assert points0.shape == points1.shape == (0, 2)
 
 
+@pytest.mark.parametrize("swapped", [False, True])
+def test_a_part_at_seven_times_the_size(swapped):
+    """Without a second try, neither order of the two has a homography that is not wrong."""
+    photo = skimage.data.astronaut()
+    small = cv2.resize(photo, None, fx=1.5 / 7, fy=1.5 / 7, interpolation=cv2.INTER_AREA)
+    part = cv2.resize(photo[179:332, 179:332], None, fx=1.5, fy=1.5, interpolation=cv2.INTER_CUBIC)
+    y, x = (n / 512 for n in small.shape[:2])
+    shrink = np.array([[x, 0, (x - 1) / 2], [0, y, (y - 1) / 2], [0, 0, 1]])
+    grow = np.array([[1.5, 0, 0.25 - 1.5 * 179], [0, 1.5, 0.25 - 1.5 * 179], [0, 0, 1]])
+    wanted = shrink @ np.linalg.inv(grow)
+    found = cvkern.match_photographs(*((small, part) if swapped else (part, small)))
+    assert found.matrix is not None
+    matrix = np.linalg.inv(found.matrix) if swapped else found.matrix
+    assert corners_off(matrix, wanted, part.shape) < 0.6
+
+
 def test_a_map_to_a_line_is_none(monkeypatch):
     photo = skimage.data.camera()[:200, :200]
     assert cvkern.match_photographs(photo, photo).matrix is not None

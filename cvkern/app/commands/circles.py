@@ -40,8 +40,12 @@ def circles(
         ),
     ] = None,
     sigma: Annotated[
-        float, typer.Option(help="Standard deviation of the Gaussian, reduced image's pixels.")
-    ] = 2.0,
+        float | None,
+        typer.Option(
+            help="Standard deviation of the Gaussian, reduced image's pixels.",
+            show_default="a sixth of the smallest radius there, at most 2",
+        ),
+    ] = None,
     low_threshold: Low = None,
     high_threshold: High = None,
     polarity: Annotated[

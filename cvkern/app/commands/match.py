@@ -55,7 +55,7 @@ def match(
     both photographs side by side, with lines between at most 200 matches, spread over all of them.
     """
     from cvkern._files import replacing, write_text
-    from cvkern.features._photographs import white_of
+    from cvkern._whites import white_of
     from cvkern.images.files import read_image, write_image
 
     check_apart((one, other), output=output, csv=to_csv, json=to_json)
@@ -106,7 +106,7 @@ def match(
 
 def side_by_side(images: list[np.ndarray], table: np.ndarray) -> np.ndarray:
     """Draw two images side by side, with lines between some of their matches."""
-    from cvkern.features._photographs import white_of
+    from cvkern._whites import white_of
     from cvkern.images.drawing import draw_lines
 
     parts = []

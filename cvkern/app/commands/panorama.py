@@ -193,15 +193,17 @@ def _report(
 def _make_alike(images: list[np.ndarray]) -> dict[int, np.dtype]:
     """Convert images in place to the commonest dtype, if tied the widest; return the old dtypes.
 
-    White stays white: the largest number of an integer dtype, and 1 of floats.
+    White stays white.
     """
-    from cvkern.features._photographs import converted, dtype_of_most, white_of
+    from cvkern._whites import white_of, white_of_all
+    from cvkern.features._photographs import converted, dtype_of_most
 
     dtypes = [image.dtype for image in images]
     most = dtype_of_most(dtypes)
     others = {i: dtype for i, dtype in enumerate(dtypes) if dtype != most}
+    white = white_of_all([image for image in images if image.dtype == most])
     for i in others:
-        images[i] = converted(images[i], white_of(images[i]), most)
+        images[i] = converted(images[i], white_of(images[i]), most, white)
     return others
 
 

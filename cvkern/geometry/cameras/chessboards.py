@@ -108,13 +108,15 @@ def detect_chessboard(image: Any, shape: tuple[int, int], *, batch_axis: int | N
 
 
 def _steps(height: int, width: int) -> list[int]:
-    """Return by how much pictures are made smaller: first the smallest, then finer ones."""
-    step = 1
+    """Return by how much pictures are made smaller: first the smallest, then finer ones.
+
+    Noise and blur hide a large board in finer pictures, where a smaller one may show beside it.
+    """
+    step = 2
     # The step doubles.
-    while max(height, width) > COARSE * step:
+    while 2 * max(height, width) > COARSE * step:
         step *= 2
-    # The last one is for pictures out of focus.
-    steps = [step >> n for n in range(step.bit_length())] + [2 * step]
+    steps = [step >> n for n in range(step.bit_length())]
     return [step for step in steps if min(height, width) >= 8 * step]
 
 

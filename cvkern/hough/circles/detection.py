@@ -59,7 +59,7 @@ def detect_circles(
     image: Any,
     radius_range: tuple[float, float] | None = None,
     *,
-    sigma: float = 2.0,
+    sigma: float | None = None,
     low_threshold: float | None = None,
     high_threshold: float | None = None,
     polarity: str = "any",
@@ -82,9 +82,9 @@ def detect_circles(
         Smallest and largest radius, in pixels, at least 3. By default a fortieth and a half of the
         shorter side, or 3 if these are less. If the smallest is 24 or more, the photograph is first
         reduced by an integer factor, so that it becomes less than 24.
-    sigma : float, default 2.0
+    sigma : float, optional
         Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
-        reduced photograph.
+        reduced photograph. By default a sixth of the smallest radius there, but at most 2.
     low_threshold, high_threshold : float, optional
         Thresholds of :func:`canny` on the reduced photograph. By default the quantiles 0.7 and 0.9
         of its gradients, but at least 2 % of the longest. If only one is given, the lower is half
@@ -149,8 +149,8 @@ def detect_circles(
     least = check_support(min_support)
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     rt = runtime(image)
-    sigma = check_positive(sigma, "sigma")
     factor = max(1, int(low / FINEST))
+    sigma = min(low / factor / 6, 2.0) if sigma is None else check_positive(sigma, "sigma")
     lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
     if lines is not None:

@@ -152,6 +152,7 @@ CALLS: dict[str, Call] = {
         IMAGE,
         {
             **DETECT,
+            "sigma": maybe(DETECT["sigma"]),
             "radius_range": maybe(RANGE),
             "polarity": one("any", "bright", "dark"),
             "min_support": number(0.01, 1),
