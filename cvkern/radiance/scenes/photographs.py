@@ -160,9 +160,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
 
     Bounds are guesses, except for a ``transforms.json`` with ``aabb_scale``, ``scale`` or
     ``offset``, which define a cube. Without them, the cube is as large as the cameras' field of
-    view at the point that they look at. Scenes of Blender are taken as those of the first paper on
-    radiance fields, within 1.5 of the origin and 2 to 6 from the cameras. Scenes of COLMAP and LLFF
-    are unbounded, with a cube that contains the cameras, around the point that they look at. Use
+    view at the point that they look at. So it is for scenes of Blender, unless the cameras look at
+    the origin from a distance of 3 to 5, as in the scenes of the first paper on radiance fields:
+    these are within 1.5 of the origin and 2 to 6 from the cameras. Scenes of COLMAP and LLFF are
+    unbounded, with a cube that contains the cameras, around the point that they look at. Use
     ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` to correct a guess.
 
     Formats with pixel centres at halves are shifted by half a pixel, and the OpenGL axes (y up, z

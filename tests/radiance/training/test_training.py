@@ -175,8 +175,8 @@ def test_learnt_background(backend, scene):
     images = np.stack([photograph(scene, v, color) for v in range(len(scene))])
     opaque = replace(scene, images=np.round(255 * images).astype(np.uint8))
     model = fit(opaque, TINY, steps=120, background="learnt")
-    # It began at one half. The field holds it back a little: it has to clear away its fog first.
-    assert np.abs(model.behind - color).max() < 0.12
+    # It begins with the colour of the borders, and the fog of the field moves it a little.
+    assert np.abs(model.behind - color).max() < 0.02
     assert evaluate(model, opaque).psnr.mean() > 16
 
 
