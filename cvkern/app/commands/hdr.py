@@ -10,7 +10,7 @@ import numpy as np
 import typer
 
 import cvkern
-from cvkern.app.commands import Backend, Device, Drawing, Overwrite, check_apart, check_new
+from cvkern.app.commands import Backend, Device, Overwrite, Picture, check_apart, check_new
 from cvkern.images._exif import EXIF
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
@@ -20,7 +20,7 @@ EXPOSURE_TIME = 0x829A  # tag of EXIF, in seconds
 
 def hdr(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder of the exposures.")],
-    output: Drawing,
+    output: Picture,
     seconds: Annotated[
         str | None,
         typer.Option(

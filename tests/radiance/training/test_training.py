@@ -273,7 +273,7 @@ def test_errors_of_fit(scene, options, error, rule):
 def test_scenes_that_cannot_be_trained_from(scene):
     with pytest.raises(ValueError, match="scene must have views to train from, got 18 held out"):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
-    with pytest.raises(TypeError, match="scene must be a Scene, got str"):
+    with pytest.raises(TypeError, match="scene must be a Scene, got str: load_scene reads one"):
         fit("scene", steps=1)  # type: ignore[arg-type]
     wide = cameras(scene.cameras.poses, [1, 1, 0, 0], 2**15, 2**12)
     large = replace(
