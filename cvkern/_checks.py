@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Mapping, Sequence, Set
 from enum import IntEnum
 from functools import lru_cache
@@ -20,6 +21,7 @@ MAX_ELEMENTS = 2**29
 MAX_SIDE = 2**16  # pixels along one side of an image whose points vote
 MAX_DISPARITIES = 2**15
 FLOAT32_MAX = float(np.finfo(np.float32).max)
+READERS = {"Model": "load_model", "Scene": "load_scene"}  # what reads an object from a file
 
 
 def check_image(
@@ -41,6 +43,15 @@ def check_image(
         raise ValueError(f"{name} must not be empty, got shape {shape}")
     if math.prod(shape) > most:
         raise ValueError(f"{name} must have at most {most} elements, got shape {shape}")
+    return image
+
+
+def check_rgb(image: Any, name: str = "image") -> Any:
+    """Return an image of red, green and blue, (H, W, 3), as an array."""
+    image = check_image(image, ndim=(2, 3, 4), name=name)
+    shape = tuple(image.shape)
+    if len(shape) != 3 or shape[2] != 3:
+        raise ValueError(f"{name} must have shape (H, W, 3), got {shape}")
     return image
 
 
@@ -273,9 +284,11 @@ def check_integer(value: Any, name: str, low: int, high: int) -> int:
 
 
 def check_instance(value: Any, kind: type, name: str) -> None:
-    """Refuse a value that is not an instance of a class."""
+    """Refuse a value that is not an instance of a class, and name the reader of a file of it."""
     if not isinstance(value, kind):
-        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+        reader = READERS.get(kind.__name__) if isinstance(value, (str, os.PathLike)) else None
+        hint = f": {reader} reads one" if reader else ""
+        raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}{hint}")
 
 
 def refuse_masks(**options: Any) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import as_numbers, check_beside, check_choice, check_image, check_number
+from cvkern._checks import as_numbers, check_beside, check_choice, check_number, check_rgb
 from cvkern._order import floats_of
 from cvkern._runtime import Runtime, runtime
 from cvkern.color.spaces import apply_matrix
@@ -97,9 +97,7 @@ def estimate_illuminant(
     >>> cvkern.estimate_illuminant(scene).round(2)
     array([1. , 0.8, 0.4])
     """
-    image = check_image(image, ndim=(3,))
-    if image.shape[2] != 3:
-        raise ValueError(f"image must have shape (H, W, 3), got {tuple(image.shape)}")
+    image = check_rgb(image)
     check_choice(method, tuple(METHODS), "method")
     black = check_number(black, "black")
     mask = check_beside(mask, tuple(image.shape[:2]), "mask")
@@ -152,7 +150,7 @@ def white_balance(image: Any, illuminant: Any) -> Any:
     array([[[1., 1., 1.]]], dtype=float32)
     """
     light = check_light(illuminant)
-    image = check_image(image, ndim=(3,))
+    image = check_rgb(image)
     return apply_matrix(image, np.diag(light[1] / light), "rgb", "rgb")
 
 

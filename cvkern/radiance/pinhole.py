@@ -94,8 +94,9 @@ def cameras(
     ----------
     poses : array of shape (N, 3, 4) or (N, 4, 4)
         Camera to world, in any unit of length; axes x right, y down, z forward.
-    intrinsics : array of shape (4,) or (N, 4)
-        fx, fy, cx, cy in pixels, for pixel centres at integers.
+    intrinsics : array of shape (4,) or (N, 4), or matrices of shape (3, 3) or (N, 3, 3)
+        fx, fy, cx, cy in pixels, for pixel centres at integers; or [[fx, 0, cx], [0, fy, cy],
+        [0, 0, 1]], as of :func:`calibrate_camera`.
     width, height : int
         Size of the images, in pixels.
     distortion : array of shape (5,) or (N, 5), default 0.0
@@ -109,7 +110,7 @@ def cameras(
     ------
     ValueError
         If there is no view, a shape does not fit, a number is not finite, a focal length is not
-        positive, or a pose contains no rotation.
+        positive, a matrix has other numbers than those above, or a pose contains no rotation.
 
     Examples
     --------
@@ -125,7 +126,7 @@ def cameras(
     count = len(poses)
     width = check_integer(width, "width", 1, MOST_SIDE)
     height = check_integer(height, "height", 1, MOST_SIDE)
-    lens = _one_each(intrinsics, count, 4, "intrinsics")
+    lens = _one_each(_of_matrices(intrinsics), count, 4, "intrinsics")
     bent = _one_each(distortion, count, 5, "distortion")
     if not (lens[:, :2] > 0).all():
         raise ValueError(f"intrinsics must have fx, fy > 0, got {lens[:, :2].min():g}")
@@ -140,6 +141,21 @@ def cameras(
     turns = nearest_rotations(turns)  # because files round their numbers
     poses = np.concatenate((turns, poses[:, :, 3:]), axis=2)
     return Cameras(poses, lens, bent, width, height)
+
+
+def _of_matrices(intrinsics: Any) -> np.ndarray:
+    """Return fx, fy, cx, cy of camera matrices; other arrays as they are."""
+    values = as_numbers(intrinsics, "intrinsics")
+    if values.ndim not in (2, 3) or values.shape[-2:] != (3, 3):
+        return values
+    lens = np.stack([values[..., i, j] for i, j in ((0, 0), (1, 1), (0, 2), (1, 2))], axis=-1)
+    rest = np.stack([values[..., i, j] for i, j in ((0, 1), (1, 0), (2, 0), (2, 1))], axis=-1)
+    if rest.any() or (values[..., 2, 2] != 1).any():
+        raise ValueError(
+            "intrinsics must be matrices [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "
+            f"got {values.tolist()}"
+        )
+    return lens
 
 
 def _one_each(values: Any, count: int, size: int, name: str) -> np.ndarray:

@@ -33,7 +33,7 @@ CLOCK = 0.005  # change of the progress (a share of the time) after which the de
 # same weight in a large batch as in a small one.
 SHARE = 1 / 4096
 HUBER = 0.1  # error of a channel above which Huber's loss grows linearly
-BACKGROUND_RATE = 1e-2  # learning rate of a learnt background
+BACKGROUND_RATE = 1e-3  # learning rate of a learnt background, which begins near its colour
 PARTS = 256  # partial sums of the background's gradient
 # Share of a training in light that changes during which colours are the same from all sides, or the
 # field would take the light of each photograph for one more side of the scene. Then the lights stay

@@ -32,7 +32,7 @@ from cvkern.radiance.fields.splats import SplatField
 from cvkern.radiance.fields.voxel import VoxelField
 from cvkern.radiance.models import Model, Training, built, load_model
 from cvkern.radiance.progress import shown, stoppable
-from cvkern.radiance.scenes.backgrounds import seen_behind
+from cvkern.radiance.scenes.backgrounds import color_behind, seen_behind
 from cvkern.radiance.scenes.photographs import Scene
 from cvkern.radiance.trainer import Trainer
 from cvkern.radiance.wild.options import Wild, check_whole, check_wild
@@ -111,8 +111,9 @@ def fit(
         Background of the scene. Random colours prevent the field from modelling a background:
         photographs with opacity are learnt with their opacity, and others as opaque in every pixel.
         For photographs without opacity that show objects in front of one colour, that colour or
-        'learnt' is much better. By default 'random', unless the photographs have no opacity and one
-        colour along all borders: then 'white', 'black' or 'learnt', and a warning names the choice.
+        'learnt' is much better; it begins with the median colour of their borders. By default
+        'random', unless the photographs have no opacity and one colour along all borders: then
+        'white', 'black' or 'learnt', and a warning names the choice.
     loss : {'squared', 'huber'}, default 'squared'
         The loss to minimise; Huber's is linear for errors above 0.1.
     spread : float, default 0.0
@@ -372,8 +373,7 @@ def _begin(
         return model
     settings = suited(field) if field is None or isinstance(field, str) else field
     background = background or seen_behind(scene)
-    black = background == "black"
-    behind = np.full(3, 0.0 if black else 0.5 if background == "learnt" else 1.0, np.float32)
+    behind = color_behind(scene, background)
     gauge = int(np.flatnonzero(~scene.test)[0]) if wild.gauge is None else wild.gauge
     made = built(settings, frame, seed, wild.appearance)
     if made.whole:

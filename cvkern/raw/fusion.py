@@ -15,6 +15,8 @@ from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.raw import WELL
 from cvkern.raw.exposures import stacked
 
+LEAST_WHITE = 1e-30  # so that its inverse is a number of float32
+
 
 def fuse_exposures(
     images: Any,
@@ -22,16 +24,19 @@ def fuse_exposures(
     contrast: float = 1.0,
     saturation: float = 1.0,
     exposure: float = 1.0,
+    white: float | None = None,
 ) -> Any:
     """Fuse exposures of a scene to one picture in which all of it is well exposed.
 
     Parameters
     ----------
     images : array of shape (K, H, W) or (K, H, W, 3)
-        Exposures, registered: uint8, uint16 with white at 65535, or floating in 0 to 1. NumPy also
-        takes a sequence of images.
+        Exposures, registered: uint8, uint16 or floating. NumPy also takes a sequence of images.
     contrast, saturation, exposure : float, default 1.0
         Exponents of the three measures that an image is weighted by; 0 leaves one out.
+    white : float, optional
+        Value of white; by default 255 for uint8, 65535 for uint16 and 1 for floating images. Images
+        of 12 bits in uint16 have 4095.
 
     Returns
     -------
@@ -44,7 +49,7 @@ def fuse_exposures(
         If `images` are of another dtype.
     ValueError
         If there are fewer than two images, shapes differ, there are not 3 channels, or an exponent
-        is negative.
+        is negative or `white` below 1e-30.
 
     See Also
     --------
@@ -55,7 +60,7 @@ def fuse_exposures(
     Images are weighted by the size of their Laplacian, the standard deviation of their colours, and
     how near values are to 0.5, and blended band by band [1]_. Bands may add up to more than there
     was: values within 0.05 of 0 and 1 and beyond are bent into the range, by exponentials. Floats
-    are limited to 0 to 1 first, and NaN is 0. Equal in every bit on all devices.
+    are limited to black and white first, and NaN is black. Equal in every bit on all devices.
 
     References
     ----------
@@ -78,14 +83,17 @@ def fuse_exposures(
         check_number(v, n, low=0)
         for v, n in ((contrast, "contrast"), (saturation, "saturation"), (exposure, "exposure"))
     ]
+    white = None if white is None else check_number(white, "white", low=LEAST_WHITE)
     rt = runtime(images)
     dtype = library(images).dtype(images)
     if dtype not in (np.uint8, np.uint16) and dtype.kind != "f":
         raise TypeError(f"images must be uint8, uint16 or floating, got {dtype}")
-    integral = dtype == np.uint8
+    if dtype == np.uint16 and white is None:
+        white = 65535.0
+    integral = dtype == np.uint8 and white is None
     frames = rt.adopt(images, np.uint8 if integral else np.float32, shape)
-    if dtype == np.uint16:
-        frames = _scaled(rt, frames)
+    if white is not None:
+        frames = _scaled(rt, frames, white)
     scale = 1 / 255 if integral else 1.0
     # exp(-d / (2 WELL^2)) as a power of 2 of the squared distance d.
     powers[2] *= -math.log2(math.e) / (2 * WELL**2)
@@ -108,11 +116,11 @@ def fuse_exposures(
     return rt.release(result)
 
 
-def _scaled(rt: Runtime, frames: Any) -> Any:
-    """Return frames of 16 bits, whose white is 1."""
+def _scaled(rt: Runtime, frames: Any, white: float) -> Any:
+    """Return frames whose white is 1."""
     scaled = rt.scratch("fusion.scaled", tuple(frames.shape))
     flat = (1, math.prod(frames.shape[:2]), math.prod(frames.shape[2:]))
-    share, one = (rt.constant(frozen_taps(np.array([v]))) for v in (1 / 65535, 1.0))
+    share, one = (rt.constant(frozen_taps(np.array([v]))) for v in (1 / white, 1.0))
     rt.filters.linear.correlate_separable(
         frames.reshape(flat), share, one, 1, Border.NEAREST, 0.0, scaled.reshape(flat)
     )

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._arrays import library
-from cvkern._checks import check_choice, check_image
+from cvkern._checks import check_choice, check_rgb
 from cvkern._runtime import runtime
 
 PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
@@ -53,9 +53,7 @@ def mosaic(image: Any, pattern: str = "RGGB") -> Any:
     array([[1, 2, 1, 2],
            [2, 3, 2, 3]])
     """
-    image = check_image(image, ndim=(3,))
-    if image.shape[2] != 3:
-        raise ValueError(f"image must have shape (H, W, 3), got {tuple(image.shape)}")
+    image = check_rgb(image)
     row, column = red_place(pattern)
     y, x = np.indices((2, 2))
     channels = (y != row).astype(int) + (x != column)  # 0 red, 1 green, 2 blue

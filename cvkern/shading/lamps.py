@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cvkern._checks import check_choice, check_image
+from cvkern._checks import check_choice
 from cvkern.shading.masks import host_mask
-from cvkern.shading.photometry import check_images
+from cvkern.shading.photometry import check_images, check_lit
 
 HIGHLIGHT = 0.9  # share of the brightest value above which a pixel belongs to the highlight
 MOST_PIXELS = 40000  # pixels sampled for the estimation of unknown lights
@@ -70,7 +70,7 @@ def lights_from_sphere(images: Any, mask: Any) -> np.ndarray:
     >>> print(f"{light[0]:.1f} {light[2]:.1f}")
     0.9 0.5
     """
-    images = check_image(images, ndim=(3,), name="images")
+    images = check_lit(images)
     shape = tuple(images.shape[1:])
     inside = host_mask(mask, shape)
     rows, columns = np.nonzero(inside)

@@ -63,7 +63,7 @@ def photometric_stereo(
         shadows. `trimmed` uses the values of ranks 30 % to 90 % of each pixel. `l1` minimises the
         sum of absolute residuals. `sparse_bayes` assumes large errors in few images. `consensus`
         and `trimmed` first divide each image by the strength of its light; the others give images
-        under strong lights a larger weight.
+        under strong lights a larger weight. With three images, all give their one solution.
     mask : array of shape (H, W), optional
         Pixels of the surface are not 0. By default all pixels. :func:`capture` records bool and
         uint8 masks on a GPU.
@@ -141,6 +141,9 @@ def photometric_stereo(
         inverse = rt.constant(np.linalg.pinv(given[:, :3]).astype(np.float32))
         photometry.solve(seen, inverse, lamps, inside, *outputs)
         return PhotometricStereo(*(rt.release(a) for a in found))
+    if images.shape[0] == 3:
+        # No value is left over to judge the others by: those that are dark have to take part.
+        code = Photometric.LEAST_SQUARES
     given = scaled(given, near, code in EVEN)
     lamps = rt.constant(given.astype(np.float32))
     scales = rt.constant(given[:, 4].astype(np.float32))
@@ -180,9 +183,19 @@ def scaled(lamps: np.ndarray, near: bool, even: bool) -> np.ndarray:
 
 def check_images(images: Any) -> Any:
     """Return images under several lights as one array (K, H, W)."""
-    images = check_image(images, ndim=(3,), name="images")
+    images = check_lit(images)
     if not 3 <= images.shape[0] <= MOST_LIGHTS:
         raise ValueError(f"images must be 3 to {MOST_LIGHTS}, got {images.shape[0]}")
+    return images
+
+
+def check_lit(images: Any) -> Any:
+    """Return grey images as one array (K, H, W)."""
+    images = check_image(images, ndim=(2, 3, 4), name="images")
+    shape = tuple(images.shape)
+    if len(shape) != 3:
+        hint = ": take the mean of the channels of colour images" if len(shape) == 4 else ""
+        raise ValueError(f"images must have shape (K, H, W), got {shape}{hint}")
     return images
 
 

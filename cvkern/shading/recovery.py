@@ -14,6 +14,9 @@ from cvkern.shading.rendering import check_albedo
 
 SOFT = 2.0  # standard deviation in pixels of the smoothing that gives the direction of a border
 LIKELY = 0.2  # largest difference between the brightness of a silhouette and of a border pixel
+INWARD = 3  # pixels from a border pixel inwards to the one that its brightness is compared with
+MARGIN = 9.0  # largest distance in pixels of a mask's border from the silhouette around it
+CUT = 0.8  # brightness above that of a silhouette from which a border pixel belongs to a cut
 BRIGHTEST = 1.1  # median brightness, where 1 faces the light, above which the albedo is wrong
 FLAT = 0.05  # least z of a normal; steeper slopes are limited to that of this z
 FIRST, INNER = 300, 10  # sweeps before the first integration of depth, and between two of them
@@ -54,8 +57,10 @@ def shape_from_shading(
         Pixels of the surface are not 0. By default the image above 0, with holes filled.
     boundary : array of shape (H, W, 3), optional
         Known normals, NaN elsewhere. By default the normals of the silhouette, which is the mask's
-        border within the image; they are perpendicular to the view. A border pixel whose brightness
-        differs from that by more than 0.2 belongs to a cut, not a silhouette, and stays free.
+        border within the image; they are perpendicular to the view. The mask may be some pixels too
+        wide or too narrow. A border pixel that is brighter than a silhouette by more than 0.2, and
+        from which brightness does not rise inwards as it does near one, belongs to a cut and stays
+        free.
     albedo : float or array of shape (H, W), default 1.0
         Share of the light that the surface reflects; it must be known.
     rounds : int, default 60
@@ -207,7 +212,9 @@ def _silhouette(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return normals at the mask's border within the image, and the mask of silhouette pixels.
 
-    The normals face away from the surface; the brightness gives their angle to the camera.
+    The normals face away from the surface; the brightness gives their angle to the camera. A border
+    pixel belongs to a silhouette if it is about as bright as one, or darker, as a background is, or
+    if it lies inside of one.
     """
     from scipy.ndimage import binary_erosion, gaussian_filter
 
@@ -217,7 +224,8 @@ def _silhouette(
     away /= np.linalg.norm(away, axis=-1, keepdims=True) + 1e-30
     border = inside & np.logical_not(binary_erosion(inside, border_value=1))
     flat = away @ light
-    border &= np.abs(shown - np.maximum(flat, 0)) < LIKELY
+    base = np.maximum(flat, 0)
+    border &= (shown < base + LIKELY) | _inner(inside, away, shown, base)
     # The angle t from the camera's axis has flat sin t + light_z cos t = shown.
     size, middle = np.hypot(flat, light[2]), np.arctan2(flat, light[2])
     apart = np.arccos(np.clip(shown / np.maximum(size, 1e-9), -1, 1))
@@ -227,6 +235,21 @@ def _silhouette(
     known = np.sin(angle)[..., None] * away
     known[..., 2] = np.cos(angle)
     return known, border
+
+
+def _inner(inside: np.ndarray, away: np.ndarray, shown: np.ndarray, base: np.ndarray) -> np.ndarray:
+    """Return where the brightness rises inwards as it does near a silhouette.
+
+    At the distance d from a silhouette, a surface is brighter than there by about sqrt(d). So the
+    squares of this at two pixels, one behind the other, give the distance of the outer one.
+    """
+    height, width = inside.shape
+    y, x = np.indices(inside.shape)
+    y = np.round(y + INWARD * away[..., 1]).astype(int).clip(0, height - 1)
+    x = np.round(x - INWARD * away[..., 0]).astype(int).clip(0, width - 1)
+    outer, inner = shown - base, np.where(inside[y, x], shown[y, x] - base, 0)
+    rises = np.maximum(inner, 0) ** 2 > (1 + INWARD / MARGIN) * outer**2
+    return rises & (outer < CUT)
 
 
 def _spread(known: np.ndarray, fixed: np.ndarray, inside: np.ndarray) -> np.ndarray:

@@ -44,18 +44,18 @@ def test_the_schedule_ends_with_the_time_on_slow_machines(scene, monkeypatch):
     assert model.training.progress == 1
 
 
-def transforms(folder, scale=1.0, **more):
-    """Write a scene of twelve photographs that look at the origin, in units of its own."""
+def transforms(folder, scale=1.0, shift=(0, 0, 0), name="transforms", **more):
+    """Write a scene of twelve photographs that look at one point, in units of its own."""
     made = make_scene(train=12, test=0, size=8)
     turn = np.diag([1.0, -1.0, -1.0])
     frames = []
     for n, (pose, image) in enumerate(zip(made.cameras.poses, made.images, strict=True)):
         cvkern.images.write_image(folder / f"{n}.png", image)
         matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = pose[:, :3] @ turn, scale * pose[:, 3]
+        matrix[:3, :3], matrix[:3, 3] = pose[:, :3] @ turn, scale * pose[:, 3] + shift
         frames.append({"file_path": f"{n}.png", "transform_matrix": matrix.tolist()})
     content = {"fl_x": float(made.cameras.intrinsics[0, 0]), "frames": frames, **more}
-    (folder / "transforms.json").write_text(json.dumps(content))
+    (folder / f"{name}.json").write_text(json.dumps(content))
     return made
 
 
@@ -69,6 +69,17 @@ def test_bounds_come_from_the_cameras_where_a_file_has_none(tmp_path, scale):
     )
     assert 0.5 < found.bounds.half / (scale * made.bounds.half) < 2
     assert not found.bounds.unbounded
+
+
+@pytest.mark.parametrize(("scale", "shift"), [(10.0, (0, 0, 0)), (0.1, (0, 0, 0)), (1, (5, -3, 2))])
+def test_scenes_of_blender_in_other_units(tmp_path, scale, shift):
+    made = transforms(tmp_path, scale, shift, "transforms_train")
+    found = load_scene(tmp_path)
+    middle = scale * np.array(made.bounds.center) + shift
+    np.testing.assert_allclose(found.bounds.center, middle, atol=0.5 * scale)
+    assert 0.5 < found.bounds.half / (scale * made.bounds.half) < 2
+    assert found.near < scale * np.linalg.norm(made.cameras.poses[:, :, 3], axis=1).min() / 2
+    assert found.far == np.inf
 
 
 def test_cameras_that_look_past_the_cube_are_told_of(tmp_path):
@@ -112,7 +123,10 @@ def test_a_background_of_one_colour_is_found(scene, color, chosen):
     parts = scene.cameras, scene.test, scene.bounds, scene.near, scene.far
     photographs = Scene(np.round(flat).astype(np.uint8), *parts)
     with pytest.warns(UserWarning, match=f"background is '{chosen}'"):
-        assert fit(photographs, TINY, steps=1).background == chosen
+        model = fit(photographs, TINY, steps=1)
+    assert model.background == chosen
+    # A step of Adam changes a learnt colour by its rate.
+    np.testing.assert_allclose(model.behind, np.array(color) / 255, atol=1.1e-3)
     assert fit(photographs, TINY, steps=1, background="random").background == "random"
     assert fit(scene, TINY, steps=1).background == "random"  # it has opacity
 

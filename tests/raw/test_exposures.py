@@ -201,12 +201,14 @@ def test_fusion_stays_inside(backend, shape):
 
 
 @pytest.mark.parametrize("shape", [(3, 20, 30, 3), (2, 9, 14)])
-def test_16_bits_are_fused_as_8_bits(backend, shape):
+def test_other_whites_are_fused_as_8_bits(backend, shape):
     images = np.random.default_rng(6).integers(0, 256, shape).astype(np.uint8)
     # Both round each value once, by 6e-8, before the sums of the method.
     want = cvkern.fuse_exposures(images)
-    got = cvkern.fuse_exposures(images.astype(np.uint16) * 257)
-    np.testing.assert_allclose(got, want, atol=1e-6)
+    scaled = images.astype(np.uint16) * 257, images.astype(np.uint16), images.astype(np.float32)
+    for given, white in zip(scaled, (None, 255, 255), strict=True):
+        got = cvkern.fuse_exposures(given, white=white)
+        np.testing.assert_allclose(got, want, atol=1e-6)
 
 
 def test_missing_values_are_missing_radiance():
@@ -336,6 +338,8 @@ IMAGES = np.zeros((2, 4, 4), np.uint8)
          lambda: cvkern.fuse_exposures(np.zeros((2, 4, 4, 2)))),
         (ValueError, "contrast must be >= 0 and finite, got -1",
          lambda: cvkern.fuse_exposures(IMAGES, contrast=-1)),
+        (ValueError, "white must be >= 1e-30 and finite, got 0",
+         lambda: cvkern.fuse_exposures(IMAGES, white=0)),
         (ValueError, "reach must be in [1, 1024], got 0",
          lambda: cvkern.align_exposures(IMAGES, reach=0)),
     ],

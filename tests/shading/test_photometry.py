@@ -208,6 +208,22 @@ def test_where_nothing_can_be_told(backend):
     assert np.isfinite(found.normals).all(axis=-1).sum() == 1
 
 
+@pytest.mark.parametrize("near", [False, True])
+def test_three_images_have_one_solution(backend, near):
+    """Where one of three was dark, `consensus` once left it out, and two tell no normal."""
+    lights = np.array([[0.5, 0.1, 0.8], [-0.4, 0.5, 0.7], [0.1, -0.6, 0.9]])
+    lights *= 1e4 if near else 1  # so far away that lights of one strength are the same everywhere
+    images = np.random.default_rng(3).uniform(0.2, 1, (3, 5, 6))
+    images[0, :2] = 0
+    found = cvkern.photometric_stereo(images, lights, near=near)
+    directions = lights / np.linalg.norm(lights, axis=1, keepdims=True) if near else lights
+    sizes = np.linalg.norm(lights, axis=1) ** 2 if near else np.ones(3)
+    want = np.linalg.solve(directions, (images * sizes[:, None, None]).reshape(3, -1)).T
+    want /= np.linalg.norm(want, axis=1, keepdims=True)
+    # Pixels are within 8 of the middle, which turns lights at 1e4 by less than 1e-3.
+    np.testing.assert_allclose(found.normals.reshape(-1, 3), want, atol=4e-3 if near else 1e-5)
+
+
 def test_lights_of_a_mirror():
     """A sphere of which each pixel shows the lights around the direction that it mirrors."""
     y, x = np.indices((81, 91))
@@ -309,6 +325,8 @@ FLAT = np.array([[0, 0, 1], [1, 0, 1], [-1, 0, 1], [0.5, 0, 2]])
     ("message", "images", "lights", "options"),
     [
         ("images must be 3 to 1024, got 1", IMAGES[:1], LIGHTS[:1], {}),
+        ("images must have shape (K, H, W), got (4, 3, 5, 3): take the mean of the channels of "
+         "colour images", np.ones((4, 3, 5, 3)), LIGHTS, {}),
         ("lights must have shape (4, 3), got (3, 3)", IMAGES, LIGHTS[:3], {}),
         ("lights must be finite, got others", IMAGES, LIGHTS * np.nan, {}),
         ("lights must not lie in one plane through the origin, got such lights", IMAGES, FLAT, {}),

@@ -26,6 +26,7 @@ Photo = Annotated[Path, typer.Argument(metavar="PHOTO", help="Image to read, or 
 Drawing = Annotated[
     Path, typer.Option("--output", "-o", help="Image to write; a folder, if one is read.")
 ]
+Picture = Annotated[Path, typer.Option("--output", "-o", help="Image to write.")]
 Csv = Annotated[Path | None, typer.Option("--csv", help="CSV to write them to.")]
 Json = Annotated[Path | None, typer.Option("--json", help="JSON to write them to.")]
 Low = Annotated[

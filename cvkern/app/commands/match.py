@@ -15,9 +15,9 @@ from cvkern.app.commands import (
     Backend,
     Csv,
     Device,
-    Drawing,
     Json,
     Overwrite,
+    Picture,
     as_gray,
     check_apart,
     check_new,
@@ -32,7 +32,7 @@ MOST_DRAWN = 200
 def match(
     one: Annotated[Path, typer.Argument(metavar="A", help="Image to read.")],
     other: Annotated[Path, typer.Argument(metavar="B", help="Image to match it with.")],
-    output: Drawing,
+    output: Picture,
     method: Annotated[str, typer.Option(help="sift, or orb.")] = "sift",
     max_keypoints: Annotated[int, typer.Option(help="Points of each image.", min=1)] = 2000,
     max_ratio: Annotated[

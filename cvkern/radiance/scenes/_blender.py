@@ -24,10 +24,12 @@ from cvkern.radiance.scenes.photographs import (
 
 SPLITS = ("train", "val", "test")
 # The synthetic scenes are in a cube of side 3; their cameras are at distance 4 from its middle.
-BLENDER_HALF, BLENDER_NEAR, BLENDER_FAR = 1.5, 2.0, 6.0
+BLENDER_HALF, BLENDER_AWAY, BLENDER_NEAR, BLENDER_FAR = 1.5, 4.0, 2.0, 6.0
+UNLIKE = 0.25  # difference from these, as a share, from which a scene has units of its own
 DEPTH_RANGE = 8.0  # depth of a value v is 8 (1 - v / 255), with 65535 for 16-bit pictures
 # By default, instant-ngp maps the world to its unit cube by this scale, then this offset.
 NGP_SCALE, NGP_OFFSET = 0.33, 0.5
+NEAREST = 0.05  # distance of the first sample, as a share of half the side of a cube
 PAST = 0.1  # largest share of cameras that may look past the cube
 LENSES = "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV"
 SUFFIXES = ("", ".png", ".jpg", ".jpeg")
@@ -52,16 +54,32 @@ def load(file: Path, test_every: int, outside: bool) -> Scene:
     images = read_images(files)
     height, width = images.shape[1:3]
     intrinsics = [lens_of(part, content, width, height)[0] for part, content in lenses]
-    return Scene(
-        images,
-        cameras_of(file, poses, np.array(intrinsics), width, height),
-        np.array(held),
-        Bounds((0.0, 0.0, 0.0), BLENDER_HALF, False),
-        BLENDER_NEAR,
-        BLENDER_FAR,
-        _depths(files, height, width),
-        read_masks(masks, height, width),
-    )
+    views = cameras_of(file, poses, np.array(intrinsics), width, height)
+    bounds, near, far = _synthetic(views)
+    depths, seen = _depths(files, height, width), read_masks(masks, height, width)
+    return Scene(images, views, np.array(held), bounds, near, far, depths, seen)
+
+
+def _synthetic(views: Cameras) -> tuple[Bounds, float, float]:
+    """Return the cube and the range of the synthetic scenes, or those of other units."""
+    bounds, away = _seen(views)
+    apart = float(np.abs(bounds.center).max()) / BLENDER_HALF
+    if max(abs(away / BLENDER_AWAY - 1), apart) > UNLIKE and bounds.half > 0:
+        return bounds, NEAREST * bounds.half, math.inf
+    return Bounds((0.0, 0.0, 0.0), BLENDER_HALF, False), BLENDER_NEAR, BLENDER_FAR
+
+
+def _seen(views: Cameras) -> tuple[Bounds, float]:
+    """Return the cube that the cameras see, and their distance from its middle.
+
+    It is as large as the field of view at the point that all cameras look at.
+    """
+    point = focus_of(views.poses)
+    away = np.linalg.norm(views.poses[:, :, 3] - point, axis=1)
+    sizes = np.array([views.width, views.height]) / 2
+    half = float(np.median(away * (sizes / views.intrinsics[:, :2]).max(axis=1)))
+    x, y, z = map(float, point)
+    return Bounds((x, y, z), half, False), float(np.median(away))
 
 
 def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
@@ -92,21 +110,16 @@ def _instant_ngp(file: Path, test_every: int, outside: bool) -> Scene:
 def _cube(file: Path, content: dict[str, Any], views: Cameras) -> tuple[Bounds, float]:
     """Return the cube of a file, or one from its cameras, and the distance of the first sample."""
     if all(content.get(name) is None for name in ("aabb_scale", "scale", "offset")):
-        point = focus_of(views.poses)
-        away = np.linalg.norm(views.poses[:, :, 3] - point, axis=1)
-        # The cube is as large as the field of view at the point that all cameras look at.
-        sizes = np.array([views.width, views.height]) / 2
-        half = float(np.median(away * (sizes / views.intrinsics[:, :2]).max(axis=1)))
-        if half > 0:
-            x, y, z = map(float, point)
-            return Bounds((x, y, z), half, False), 0.05 * half
+        bounds = _seen(views)[0]
+        if bounds.half > 0:
+            return bounds, NEAREST * bounds.half
     scale = number_of(file, content, "scale", NGP_SCALE, 0.0)
     half = 0.5 * number_of(file, content, "aabb_scale", 1.0, 0.0) / scale
     offset = content.get("offset", NGP_OFFSET)
     offset = offset if isinstance(offset, list) and len(offset) == 3 else [offset] * 3
     moved = [number_of(file, {"offset": o}, "offset", NGP_OFFSET) for o in offset]
     x, y, z = ((0.5 - o) / scale for o in moved)
-    return Bounds((x, y, z), half, False), 0.05 / scale
+    return Bounds((x, y, z), half, False), NEAREST / scale
 
 
 def warn_of_past(views: Cameras, bounds: Bounds, where: str, way_out: str) -> None:

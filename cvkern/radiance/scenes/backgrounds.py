@@ -15,9 +15,7 @@ def seen_behind(scene: Scene) -> str:
     """Return the background that suits the photographs, and warn if it is not 'random'."""
     if scene.images.shape[3] == 4:
         return "random"
-    views = scene.images[~scene.test]
-    sides = views[:, 0], views[:, -1], views[:, :, 0], views[:, :, -1]
-    borders = np.concatenate(sides, axis=1)
+    borders = _borders(scene)
     color = np.median(borders, axis=(0, 1))
     same = (np.abs(borders - color) <= ALIKE).all(axis=2).mean()
     if same < UNIFORM:
@@ -30,3 +28,17 @@ def seen_behind(scene: Scene) -> str:
         stacklevel=4,
     )
     return chosen
+
+
+def color_behind(scene: Scene, background: str) -> np.ndarray:
+    """Return the colour of a background at the beginning of a training, (3,) float32."""
+    if background == "learnt" and scene.images.shape[3] == 3:
+        return np.asarray(np.median(_borders(scene), axis=(0, 1)) / 255, np.float32)
+    return np.full(3, {"black": 0.0, "learnt": 0.5}.get(background, 1.0), np.float32)
+
+
+def _borders(scene: Scene) -> np.ndarray:
+    """Return the border pixels of the photographs that are trained on, (N, P, 3)."""
+    views = scene.images[~scene.test]
+    sides = views[:, 0], views[:, -1], views[:, :, 0], views[:, :, -1]
+    return np.concatenate(sides, axis=1)

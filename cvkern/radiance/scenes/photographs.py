@@ -143,10 +143,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     TypeError
         If `test_every` is not an integer.
     ValueError
-        If `test_every` is negative; if a file is damaged; if there are no photographs, or they
-        differ in size, or have other proportions than their lens; if a number is not finite; if a
-        pose contains no rotation; if a photograph is outside the folder; or if the lens model is
-        unknown, as for a fisheye. The message names the file.
+        If `test_every` is negative; if `path` is another file; if a file is damaged; if there are no
+        photographs, or they differ in size, or have other proportions than their lens; if a number
+        is not finite; if a pose contains no rotation; if a photograph is outside the folder; or if
+        the lens model is unknown, as for a fisheye. The message names the file.
 
     Warns
     -----
@@ -160,9 +160,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
 
     Bounds are guesses, except for a ``transforms.json`` with ``aabb_scale``, ``scale`` or
     ``offset``, which define a cube. Without them, the cube is as large as the cameras' field of
-    view at the point that they look at. Scenes of Blender are taken as those of the first paper on
-    radiance fields, within 1.5 of the origin and 2 to 6 from the cameras. Scenes of COLMAP and LLFF
-    are unbounded, with a cube that contains the cameras, around the point that they look at. Use
+    view at the point that they look at. So it is for scenes of Blender, unless the cameras look at
+    the origin from a distance of 3 to 5, as in the scenes of the first paper on radiance fields:
+    these are within 1.5 of the origin and 2 to 6 from the cameras. Scenes of COLMAP and LLFF are
+    unbounded, with a cube that contains the cameras, around the point that they look at. Use
     ``dataclasses.replace(scene, bounds=Bounds(...), near=..., far=...)`` to correct a guess.
 
     Formats with pixel centres at halves are shifted by half a pixel, and the OpenGL axes (y up, z
@@ -181,6 +182,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     path = as_path(path)
     if not path.exists():
         raise FileNotFoundError(f"path must be a folder of posed photographs, got {str(path)!r}")
+    if path.is_file() and path.suffix.lower() != ".json":
+        raise ValueError(
+            f"path must be a folder of posed photographs, or the JSON file in it, got {str(path)!r}"
+        )
     folder = path if path.is_dir() else path.parent
     formats = (
         ("_blender", path if path.is_file() else folder / "transforms_train.json"),

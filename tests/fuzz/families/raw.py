@@ -64,7 +64,12 @@ CALLS: dict[str, Call] = {
     "fuse_exposures": Call(
         cvkern.fuse_exposures,
         {"images": exposures},
-        {"contrast": number(0, 2), "saturation": number(0, 2), "exposure": number(0, 2)},
+        {
+            "contrast": number(0, 2),
+            "saturation": number(0, 2),
+            "exposure": number(0, 2),
+            "white": maybe(number(0.1, 70000)),
+        },
     ),
     "merge_exposures": Call(
         cvkern.merge_exposures,

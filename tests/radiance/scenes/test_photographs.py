@@ -66,6 +66,17 @@ def test_projection_is_that_of_opencv():
         np.testing.assert_allclose(project(views, view, points)[:, ::-1], theirs[:, 0], atol=1e-9)
 
 
+def test_cameras_take_matrices():
+    K = np.array([[50.0, 0, 31], [0, 52, 23], [0, 0, 1]])
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    for given in (K, np.stack([K, K])):
+        found = cameras(poses, given, 64, 48)
+        np.testing.assert_array_equal(found.intrinsics, [[50, 52, 31, 23]] * 2)
+    K[0, 1] = 3
+    with pytest.raises(ValueError, match="intrinsics must be matrices"):
+        cameras(poses, K, 64, 48)
+
+
 def test_rays_pass_through_what_their_pixels_see():
     views = cameras(some_poses(), INTRINSICS, WIDTH, HEIGHT, distortion=LENS)
     pixels = RNG.uniform([-0.5, -0.5], [HEIGHT - 0.5, WIDTH - 0.5], (40, 2))

@@ -175,8 +175,8 @@ def test_learnt_background(backend, scene):
     images = np.stack([photograph(scene, v, color) for v in range(len(scene))])
     opaque = replace(scene, images=np.round(255 * images).astype(np.uint8))
     model = fit(opaque, TINY, steps=120, background="learnt")
-    # It began at one half. The field holds it back a little: it has to clear away its fog first.
-    assert np.abs(model.behind - color).max() < 0.12
+    # It begins with the colour of the borders, and the fog of the field moves it a little.
+    assert np.abs(model.behind - color).max() < 0.02
     assert evaluate(model, opaque).psnr.mean() > 16
 
 
@@ -273,7 +273,7 @@ def test_errors_of_fit(scene, options, error, rule):
 def test_scenes_that_cannot_be_trained_from(scene):
     with pytest.raises(ValueError, match="scene must have views to train from, got 18 held out"):
         fit(replace(scene, test=np.ones(len(scene), bool)), steps=1)
-    with pytest.raises(TypeError, match="scene must be a Scene, got str"):
+    with pytest.raises(TypeError, match="scene must be a Scene, got str: load_scene reads one"):
         fit("scene", steps=1)  # type: ignore[arg-type]
     wide = cameras(scene.cameras.poses, [1, 1, 0, 0], 2**15, 2**12)
     large = replace(
