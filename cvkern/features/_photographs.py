@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_integer, check_positive
+from cvkern._notices import may_look, warn
 from cvkern._runtime import Runtime
 
 
@@ -35,6 +36,17 @@ def white_of(image: Any, data_range: float | None = None) -> float:
         return check_positive(data_range, "data_range")
     dtype = library(image).dtype(image)
     return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
+
+
+def warn_of_dark(rt: Runtime, image: Any, white: float) -> None:
+    """Warn that an image has no keypoints if it is far darker than white: so are 12 bits in 16."""
+    if not may_look(rt):
+        return
+    values = as_host(rt, image)
+    low, high = (float(f.reduce(values, axis=None)) for f in (np.fmin, np.fmax))
+    if low < high <= white / 8:
+        warn(f"no keypoint was found: the largest value is {high:.4g}, and white is {white:.4g}: "
+             "give data_range")  # fmt: skip
 
 
 def dtype_of_most(dtypes: Sequence[np.dtype]) -> np.dtype:

@@ -52,7 +52,8 @@ def answer(name: str, backend: str, device: str, arguments: dict[str, Any]) -> A
     """Return the result of a call, or its exception."""
     with cvkern.use(backend=backend, device=device), warnings.catch_warnings():
         warnings.simplefilter("error")
-        for said in ("no edge was found", "the focal length is guessed"):  # documented warnings
+        # Documented warnings.
+        for said in ("no (edge|keypoint|line|phase|code|normal) was found", "the focal length is"):
             warnings.filterwarnings("ignore", said)
         warnings.filterwarnings("ignore", module="skimage")
         try:
