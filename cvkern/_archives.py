@@ -10,6 +10,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +29,29 @@ DAMAGED = (
     TypeError, ValueError,
     tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+
+
+def map_array(file: Path, name: str) -> np.ndarray:
+    """Map the array of a ``.npy`` file, which takes no memory for what a damaged header claims.
+
+    Raises
+    ------
+    ValueError
+        If it is another file, or is damaged; `name` is the argument that led to it.
+    """
+    try:
+        with np.errstate(over="ignore"):  # a header may claim more bytes than 64 bits count
+            found = np.load(file, mmap_mode="r", allow_pickle=False)
+        if not isinstance(found, np.ndarray):
+            raise ValueError("it is an archive")
+        return found
+    except FileNotFoundError:
+        raise
+    except DAMAGED as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(
+            f"{name} must be an array of NumPy, got {str(file)!r}: {reason}"
+        ) from error
 
 
 class Kind(NamedTuple):

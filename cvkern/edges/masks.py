@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from cvkern._arrays import NUMPY, library
+from cvkern._arrays import library
 from cvkern._checks import check_choice, check_code, check_image, check_number, check_photograph
+from cvkern._notices import may_look, warn
 from cvkern._plans import planned_on_gpus
 from cvkern._runtime import Runtime, runtime
 from cvkern._strips import in_strips
-from cvkern._tape import capturing
 from cvkern.edges.quantiles import SHARES, Thresholds, check_thresholds, find_limits, measures
 from cvkern.edges.slopes import OPERATORS, Surroundings, find_slopes
 from cvkern.filters.channels import Planes, planes_of
@@ -278,9 +277,7 @@ def _integral(limits: np.ndarray) -> list[float]:
 def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> None:
     """Warn if the thresholds lie above all gradients; only where the check need not wait."""
     thresholds = options.thresholds
-    if rt.device != "cpu" or rt.library is not NUMPY or capturing():
-        return
-    if thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
+    if not may_look(rt) or thresholds.quantiles or thresholds.high <= 0 or rt.to_numpy(mask).any():
         return
     shape = tuple(mask.shape)
     slopes = rt.scratch("canny.dy", shape), rt.scratch("canny.dx", shape)
@@ -290,19 +287,7 @@ def _warn_of_none(rt: Runtime, image: Any, options: EdgeOptions, mask: Any) -> N
     y, x = (np.nan_to_num(rt.to_numpy(a), posinf=0, neginf=0).astype(np.float64) for a in slopes)
     most = float((np.hypot(y, x) if options.norm == Norm.L2 else np.abs(y) + np.abs(x)).max())
     if 0 < most < thresholds.high:
-        warnings.warn(
+        warn(
             f"no edge was found: the longest gradient of the image is {most:.4g}, below "
-            f"high_threshold {thresholds.high:.4g}: lower it",
-            UserWarning,
-            stacklevel=_depth(),
+            f"high_threshold {thresholds.high:.4g}: lower it"
         )
-
-
-def _depth() -> int:
-    """Return the number of frames up to the caller of cvkern, so that a warning names its line."""
-    import sys
-
-    depth, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("cvkern."):
-        depth, frame = depth + 1, frame.f_back
-    return depth

@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_integer
+from cvkern._notices import may_look, warn
 from cvkern._runtime import Runtime
 
 
@@ -27,6 +28,17 @@ def check_photograph(
     if max_keypoints is not None:
         max_keypoints = check_integer(max_keypoints, "max_keypoints", 0, 2**26)
     return image, mask, max_keypoints
+
+
+def warn_of_dark(rt: Runtime, image: Any, white: float) -> None:
+    """Warn that an image has no keypoints if it is far darker than white: so are 12 bits in 16."""
+    if not may_look(rt):
+        return
+    values = as_host(rt, image)
+    low, high = (float(f.reduce(values, axis=None)) for f in (np.fmin, np.fmax))
+    if low < high <= white / 8:
+        warn(f"no keypoint was found: the largest value is {high:.4g}, and white is {white:.4g}: "
+             "give data_range")  # fmt: skip
 
 
 def dtype_of_most(dtypes: Sequence[np.dtype]) -> np.dtype:

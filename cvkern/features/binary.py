@@ -16,7 +16,13 @@ from cvkern._runtime import Runtime, runtime
 from cvkern._whites import white_of
 from cvkern.features._choice import best
 from cvkern.features._elementary import cos_sin
-from cvkern.features._photographs import as_host, check_photograph, prepared, unmasked
+from cvkern.features._photographs import (
+    as_host,
+    check_photograph,
+    prepared,
+    unmasked,
+    warn_of_dark,
+)
 from cvkern.features.keypoints import Features
 from cvkern.kernels.codes.features import (
     BLUR,
@@ -67,7 +73,7 @@ def orb(
         Ratio of each size to the next smaller one; above 1, at most 4.
     fast_threshold : float, default 0.08
         Least difference between the middle of a circle and 9 contiguous pixels of its 16, all
-        brighter or all darker, in parts of `data_range`.
+        brighter or all darker, in parts of `data_range`: at most 1. OpenCV's 20 is 20 / 255.
     data_range : float, optional
         The value of white. By default 255 for bytes and 1 for floating-point images; for wider
         integers, and floating-point images with a mean above 1, the smallest of 2^8 - 1,
@@ -126,6 +132,8 @@ def orb(
     if not 1 < downscale <= 4:
         raise ValueError(f"downscale must be above 1 and at most 4, got {downscale:g}")
     threshold = check_number(fast_threshold, "fast_threshold", low=0)
+    if threshold > 1:
+        raise ValueError(f"fast_threshold must be at most 1, a part of white, got {threshold:g}")
     white = white_of(image, data_range)
     rt = runtime(image)
     host = None if mask is None else as_host(rt, mask)
@@ -144,6 +152,8 @@ def orb(
     if host is not None:
         kept = unmasked(_on_image(cells[:, 2:], scales[cells[:, 0]]), host)
         cells, measures = cells[kept], measures[kept]
+    if not len(cells):
+        warn_of_dark(rt, image, white)
     bounds = np.searchsorted(cells[:, 0], np.arange(len(sides) + 1)).tolist()
     parts = [slice(*bounds[n : n + 2]) for n in range(len(sides))]
     kept = np.concatenate(

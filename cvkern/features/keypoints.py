@@ -11,7 +11,7 @@ from cvkern._checks import check_flag, check_integer, check_number
 from cvkern._runtime import Runtime, runtime
 from cvkern._whites import white_of
 from cvkern.features._choice import Grid, grid_of
-from cvkern.features._photographs import check_photograph, prepared
+from cvkern.features._photographs import check_photograph, prepared, warn_of_dark
 from cvkern.filters.linear import gaussian_taps
 from cvkern.kernels.codes.features import (
     CELL_SIDE,
@@ -94,7 +94,7 @@ def sift(
     levels : int, default 3
         Number of levels with extrema in an octave, which is a doubling of the scale.
     contrast_threshold : float, default 0.04
-        Least height of an extremum, times `levels`, in parts of `data_range`.
+        Least height of an extremum, times `levels`, in parts of `data_range`: at most 1.
     edge_threshold : float, default 10.0
         Largest ratio of the two principal curvatures: points on straight edges have a large one.
     sigma : float, default 1.6
@@ -159,6 +159,8 @@ def sift(
     shape = tuple(image.shape)
     levels = check_integer(levels, "levels", 1, 8)
     contrast = check_number(contrast_threshold, "contrast_threshold", low=LEAST_CONTRAST)
+    if contrast > 1:
+        raise ValueError(f"contrast_threshold must be at most 1, a part of white, got {contrast:g}")
     ratio = check_number(edge_threshold, "edge_threshold", low=1.0)
     sigma = check_number(sigma, "sigma")
     least = CAMERA_BLUR * (2 if double else 1)
@@ -176,6 +178,8 @@ def sift(
     count = 0 if found is None else found.cells.shape[0]
     room = count if max_keypoints is None else min(count, max_keypoints)
     if found is None or not room:
+        if not count:
+            warn_of_dark(rt, image, white)
         none = np.zeros(0, np.float32)
         empty = none.reshape(0, 2), none, none, none, np.zeros((0, NUMBERS), np.uint8)
         return Features(*map(rt.give, empty))

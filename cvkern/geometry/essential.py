@@ -142,7 +142,7 @@ def find_essentials(
 
 def _find(pairs: Sequence[tuple[Any, Any]], K0: Any, K1: Any, options: Search) -> RobustFits:
     batched = check_batch(pairs)
-    cameras = [check_cameras(K, len(pairs), name) for K, name in ((K0, "K0"), (K1, "K1"))]
+    cameras = [check_cameras(K, len(batched.points), name) for K, name in ((K0, "K0"), (K1, "K1"))]
     batch = gather(batched.rt, batched.points, alike=True)
     back = batch.to_unit @ np.stack(cameras)  # from rays to scaled points, (2, P, 3, 3)
     known = np.concatenate((np.linalg.inv(back), back)).swapaxes(0, 1).reshape(-1, 36)

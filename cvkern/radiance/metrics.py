@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cvkern._arrays import library
 from cvkern._checks import FLOAT32_MAX, check_image, check_positive
 
 __all__ = ["psnr", "ssim"]
@@ -14,15 +15,16 @@ WINDOW, SIGMA = 11, 1.5  # pixels: side and standard deviation of the Gaussian w
 C1, C2 = 0.01**2, 0.03**2  # shares of the squared range; they keep quotients of flat parts finite
 
 
-def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
+def psnr(image: Any, truth: Any, *, data_range: float | None = None) -> float:
     """Return the peak signal-to-noise ratio of two pictures.
 
     Parameters
     ----------
     image, truth : array of shape (H, W) or (H, W, C)
         Real numbers, one shape.
-    data_range : float, default 1.0
-        The greatest value less the least one that a picture can have, > 0.
+    data_range : float, optional
+        The greatest value less the least one that a picture can have, > 0. By default 255 for
+        pictures of uint8, 65535 for uint16, and 1 for bool and floats.
 
     Returns
     -------
@@ -34,7 +36,8 @@ def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     TypeError
         If a picture does not hold real numbers.
     ValueError
-        If the shapes differ, a value is not finite, a picture is empty or has another rank, or
+        If no `data_range` is given for pictures of other integers, or for integers and floats; if
+        the shapes differ, a value is not finite, a picture is empty or has another rank, or
         `data_range` is not positive.
 
     Examples
@@ -44,22 +47,22 @@ def psnr(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     >>> round(psnr(np.full((4, 4), 0.6), np.full((4, 4), 0.5)), 6)
     20.0
     """
-    found, wanted = _pair(image, truth)
-    top = check_positive(data_range, "data_range")
+    found, wanted, top = _pair(image, truth, data_range)
     error = float(((found - wanted) ** 2).mean())
     with np.errstate(divide="ignore"):  # equal pictures
         return float(20 * np.log10(top) - 10 * np.log10(error))
 
 
-def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
+def ssim(image: Any, truth: Any, *, data_range: float | None = None) -> float:
     """Return the structural similarity of two pictures.
 
     Parameters
     ----------
     image, truth : array of shape (H, W) or (H, W, C)
         Real numbers, one shape, at least 11 x 11 pixels.
-    data_range : float, default 1.0
-        The greatest value less the least one that a picture can have, > 0.
+    data_range : float, optional
+        The greatest value less the least one that a picture can have, > 0. By default 255 for
+        pictures of uint8, 65535 for uint16, and 1 for bool and floats.
 
     Returns
     -------
@@ -72,7 +75,8 @@ def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     TypeError
         If a picture does not hold real numbers.
     ValueError
-        If the shapes differ, a value is not finite, a picture is smaller than the window or has
+        If no `data_range` is given for pictures of other integers, or for integers and floats; if
+        the shapes differ, a value is not finite, a picture is smaller than the window or has
         another rank, or `data_range` is not positive.
 
     References
@@ -91,8 +95,7 @@ def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     """
     from scipy.ndimage import correlate1d
 
-    a, b = _pair(image, truth)
-    top = check_positive(data_range, "data_range")
+    a, b, top = _pair(image, truth, data_range)
     if min(a.shape[:2]) < WINDOW:
         raise ValueError(f"image must have at least {WINDOW} x {WINDOW} pixels, got {a.shape}")
     reach = WINDOW // 2
@@ -112,13 +115,27 @@ def ssim(image: Any, truth: Any, *, data_range: float = 1.0) -> float:
     return float((light * (2 * both + c2) / (var_a + var_b + c2)).mean())
 
 
-def _pair(image: Any, truth: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return both pictures in float64."""
-    found = np.asarray(check_image(image, ndim=(2, 3)), np.float64)
-    wanted = np.asarray(check_image(truth, ndim=(2, 3), name="truth"), np.float64)
+def _pair(image: Any, truth: Any, data_range: float | None) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return both pictures in float64, and the range of their values."""
+    image, truth = check_image(image, ndim=(2, 3)), check_image(truth, ndim=(2, 3), name="truth")
+    if data_range is None:
+        ranges = {_range(library(picture).dtype(picture)) for picture in (image, truth)}
+        if len(ranges) > 1 or None in ranges:
+            kinds = [str(library(picture).dtype(picture)) for picture in (image, truth)]
+            raise ValueError(f"data_range must be given for {' and '.join(kinds)}, got None")
+        (data_range,) = ranges
+    top = check_positive(data_range, "data_range")
+    found, wanted = np.asarray(image, np.float64), np.asarray(truth, np.float64)
     for name, values in (("image", found), ("truth", wanted)):
         if not (np.abs(values) <= FLOAT32_MAX).all():
             raise ValueError(f"{name} must be finite in float32, got values that are not")
     if found.shape != wanted.shape:
         raise ValueError(f"image must have the shape of truth, {wanted.shape}, got {found.shape}")
-    return found, wanted
+    return found, wanted, top
+
+
+def _range(dtype: np.dtype) -> float | None:
+    """Return the range of pictures of a dtype, if all such pictures have the same."""
+    if dtype.kind in "fb":
+        return 1.0
+    return float(np.iinfo(dtype).max) if dtype.kind == "u" and dtype.itemsize <= 2 else None

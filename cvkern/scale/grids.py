@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 TILE = 2048  # height and width of a square tile, pixels
+MOST_TILES = 2**22  # tiles of an image, which are listed
 BAND = 2**26  # bytes of results of a row of tiles, which are written together
 _ROWS = 1024  # smallest height of a wide tile
 _AREA = 2**22  # elements of a wide tile; kernels are slower for rows of more than 4096 pixels

@@ -8,6 +8,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from cvkern._archives import map_array
 from cvkern.images.files import read_image
 from cvkern.scale.mapped import touch
 from cvkern.scale.targets import TIFF, zarr_array
@@ -25,10 +26,7 @@ def opened(file: Path) -> Any:
     if not file.exists():
         raise FileNotFoundError(f"source must be a file that exists, got {str(file)!r}")
     if file.suffix == ".npy":
-        try:
-            return np.load(file, mmap_mode="r", allow_pickle=False)
-        except (ValueError, EOFError) as error:  # an empty file has the last one
-            raise ValueError(f"source must be an array of NumPy, got {str(file)!r}") from error
+        return map_array(file, "source")
     if file.suffix == ".zarr":
         return zarr_array(file, "source", mode="r")
     if file.suffix.lower() in TIFF:
@@ -148,6 +146,13 @@ def cut(source: Any, window: Place, name: str) -> np.ndarray:
         raise TypeError(
             f"{name} must give arrays for slices of rows and columns, got {got}"
         ) from error
+    except (OSError, MemoryError):
+        raise
+    except Exception as error:  # readers raise many types
+        if str(error).startswith(f"{name} must"):
+            raise
+        got = type(source).__name__
+        raise ValueError(f"{name} must be readable, got {got}: {error}") from error
     if isinstance(part, np.ma.MaskedArray):
         raise TypeError(f"{name} must not be masked, got {type(source).__name__}")
     part = np.asarray(part)

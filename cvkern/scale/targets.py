@@ -150,4 +150,13 @@ class Writer:
 
 def zarr_array(file: Path, name: str, **options: Any) -> Any:
     """Open an array of Zarr."""
-    return optional("zarr", f"{name} {str(file)!r}").open_array(str(file), **options)
+    library = optional("zarr", f"{name} {str(file)!r}")
+    try:
+        found = library.open_array(str(file), **options)
+        if 0 in found.chunks:
+            raise ValueError(f"its chunks are {found.chunks}")
+        return found
+    except OSError:
+        raise
+    except Exception as error:  # metadata may be damaged in any way
+        raise ValueError(f"{name} must be an array of Zarr, got {str(file)!r}: {error}") from error

@@ -9,6 +9,7 @@ edges are joined across the seams afterwards (`edges`).
 from __future__ import annotations
 
 import contextlib
+import math
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -20,7 +21,7 @@ from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import check_devices, pinned, refuse_capture
 from cvkern.scale._lazy import lazy_tiles
 from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
-from cvkern.scale.grids import BAND, TILE, Tile, bands_of, sides_of, tiles_of
+from cvkern.scale.grids import BAND, MOST_TILES, TILE, Tile, bands_of, sides_of, tiles_of
 from cvkern.scale.halos import halo
 from cvkern.scale.journals import Journal
 from cvkern.scale.mapped import let_go
@@ -98,8 +99,9 @@ def apply(
         If the function does not have an option, or the arrays hold no real numbers.
     ValueError
         If the function does not work tile by tile, an option has no meaning there
-        (:func:`halo`), a shape is wrong, `source` changes its shape meanwhile, `target` shares its
-        memory, or `journal` is that of another call.
+        (:func:`halo`), a shape is wrong, there are more than 2^22 tiles, `source` changes its shape
+        meanwhile or has damaged parts, `target` shares its memory, or `journal` is that of another
+        call.
     OSError
         If `source` cannot be read, or `target` or `journal` not be written.
 
@@ -140,6 +142,9 @@ def apply(
     sides = _sides(
         name, tile, shape, reach, _listed(target), () if lazy else sources, places[0] != "cpu"
     )
+    count = math.prod(-(-n // side) for n, side in zip(shape, sides, strict=False))
+    if count > MOST_TILES:
+        raise ValueError(f"tile must give at most {MOST_TILES} tiles, got {sides} for {shape}")
     tiles = list(tiles_of(shape[:2], sides, reach))
     if lazy:
         if journal is not None or progress is not None:

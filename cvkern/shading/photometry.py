@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import as_numbers, check_choice, check_flag, check_image, check_positive
+from cvkern._notices import may_look, warn
 from cvkern._runtime import Runtime, runtime
 from cvkern.kernels.codes.shading import MOST_LIGHTS, Photometric, Weighing
 from cvkern.shading.integration import integrate_normals
@@ -157,6 +158,11 @@ def photometric_stereo(
             own = None if mask is None else inside
             depth = _near_depth(rt, outputs[0] if n else None, own, shape)
         photometry.weigh(seen, ranks, lamps, depth, windows, weighing, *outputs)
+    if limit < np.inf and may_look(rt):
+        least = float(np.fmin.reduce(rt.to_numpy(seen), axis=None, initial=np.inf))
+        if limit <= least < np.inf:
+            warn(f"no normal was found: all values are at least {least:.4g}, and saturation is "
+                 f"{limit:.4g}")  # fmt: skip
     return PhotometricStereo(*(rt.release(a) for a in found))
 
 

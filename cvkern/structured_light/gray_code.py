@@ -10,6 +10,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_image, check_number, check_sides
+from cvkern._notices import may_look, warn
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.structured_light._frames import carried_as, grid_step, stacked
 from cvkern.structured_light.patterns import AXES, check_axes, code_bits
@@ -57,7 +58,8 @@ def decode_gray_code(
         2.5 standard deviations of the noise. The noise is estimated from the images: the sum of a
         pattern and its inverse is the same light for every bit.
     contrast : float, optional
-        White must be brighter than black by more than this; by default twice `margin`.
+        White must be brighter than black by more than this; by default twice `margin`. Only with
+        `white` and `black`.
 
     Returns
     -------
@@ -72,7 +74,8 @@ def decode_gray_code(
         If an array does not hold real numbers.
     ValueError
         If the number of images does not match `shape` and `axes`, shapes differ, arrays are on
-        several devices, one of `white` and `black` is missing, or a number is out of range.
+        several devices, one of `white` and `black` is missing, `contrast` is given without them, or
+        a number is out of range.
 
     See Also
     --------
@@ -100,6 +103,10 @@ def decode_gray_code(
             f"got {images.shape[0]}"
         )
     seen = tuple(images.shape[1:])
+    if contrast is not None:
+        contrast = check_number(contrast, "contrast", low=0)
+    if white is None and black is None and contrast is not None:
+        raise ValueError(f"contrast must be None without white and black, got {contrast}")
     if (white is None) != (black is None):
         raise ValueError("white and black must be given together, got one of them")
     lights = [] if white is None else [check_image(a, name=n) for a, n in
@@ -111,10 +118,11 @@ def decode_gray_code(
     dtype = library(images).dtype(images)
     carried = carried_as(dtype)
     frames = rt.adopt(images, carried)
+    told = margin is not None
     if margin is None:
         margin = MARGIN * _noise(rt, frames, counts, integral=dtype.kind in "biu")
     margin = check_number(margin, "margin", low=0)
-    contrast = 2 * margin if contrast is None else check_number(contrast, "contrast", low=0)
+    contrast = 2 * margin if contrast is None else contrast
 
     found, begin, valid = {}, 0, rt.empty(seen, bool)
     good = rt.adopt(valid, bool)
@@ -129,8 +137,23 @@ def decode_gray_code(
     if lights:
         bright, dark = (rt.adopt(light, carried) for light in lights)
         rt.structured_light.gray_code.accept(bright, dark, contrast, good)
+    if told and margin > 0 and may_look(rt):
+        _warn_of_none(rt.to_numpy(frames), rt.to_numpy(good), margin)
     released = {axis: rt.release(codes) for axis, codes in found.items()}
     return GrayCode(released.get("columns"), released.get("rows"), rt.release(valid))
+
+
+def _warn_of_none(frames: np.ndarray, good: np.ndarray, margin: float) -> None:
+    """Warn if no pattern differs from its inverse by the margin."""
+    if good.any():
+        return
+    apart = np.abs(frames[::2].astype(np.float64) - frames[1::2])
+    most = float(np.fmax.reduce(apart, axis=None, initial=0.0))
+    if 0 < most <= margin:
+        warn(
+            f"no code was found: a pattern and its inverse differ by at most {most:.4g}, and "
+            f"margin is {margin:.4g}"
+        )
 
 
 def _noise(rt: Runtime, frames: Any, counts: list[int], *, integral: bool) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_choice, check_image, check_integer, check_number, check_positive
+from cvkern._notices import may_look, warn
 from cvkern._runtime import refuse_capture, runtime
 from cvkern.filters.linear import gaussian_taps
 from cvkern.structured_light._frames import carried_as, share_of_brightest
@@ -124,5 +125,9 @@ def detect_laser_lines(
         laser.ridges(seen, axis, places, taps, 1 / bend, curve, positions, strengths)
     if threshold is None:
         threshold = share_of_brightest(rt.to_numpy(strengths), STRONGEST, SHARE)
+    elif threshold > 0 and may_look(rt):
+        most = float(np.fmax.reduce(rt.to_numpy(strengths), axis=None, initial=0.0))
+        if 0 < most < threshold:
+            warn(f"no line was found: the strongest is {most:.4g}, below threshold {threshold:.4g}")
     laser.select(strengths, threshold, positions)
     return LaserLines(*(rt.release(a) for a in result))

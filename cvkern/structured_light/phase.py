@@ -10,6 +10,7 @@ import numpy as np
 
 from cvkern._arrays import library
 from cvkern._checks import check_integer, check_number, check_sides
+from cvkern._notices import may_look, warn
 from cvkern._runtime import Runtime, refuse_capture, runtime
 from cvkern.kernels.codes.structured_light import Decoded, Fringes
 from cvkern.structured_light._frames import (
@@ -144,6 +145,13 @@ def decode_phase_shift(
     if threshold is None:  # the default depends on the modulations
         strengths = planes[1][0], planes[1][-1]
         rt.structured_light.phase.accept(*strengths, _threshold(rt, planes[1]), good)
+    elif least > 0 and may_look(rt):
+        most = min(np.fmax.reduce(rt.to_numpy(a), axis=None, initial=0.0) for a in planes[1])
+        if 0 < most < least:
+            warn(
+                f"no phase was found: the largest modulation is {most:.4g}, below threshold "
+                f"{least:.4g}"
+            )
     found = {axis: rt.release(place) for axis, place in zip(axes, places, strict=True)}
     return PhaseShift(
         found.get("columns"), found.get("rows"),

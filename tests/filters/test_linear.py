@@ -12,7 +12,7 @@ import cvkern
 from tests.calls import DTYPES, MODES, layouts, noise
 from tests.reference_rounding import gaussian_error, gaussian_kernel, separable_error
 
-SHAPES = [(1, 1), (1, 40), (37, 1), (7, 5), (33, 70)]
+SHAPES = [(1, 1), (1, 40), (37, 1), (7, 5), (33, 70), (300, 5)]
 
 
 def assert_within(got, want, error):
@@ -94,6 +94,24 @@ def test_correlate_separable_is_scipys(backend, shape, mode):
         want = ndi.correlate1d(image.astype(float), down, 0, mode=mode, cval=1.5)
         want = ndi.correlate1d(want, along, 1, mode=mode, cval=1.5)
         assert_within(got, want, separable_error(image, down, along, cval=1.5))
+
+
+@pytest.mark.parametrize("dtype", ["float32", "uint8", "uint16"])
+@pytest.mark.parametrize("mode", ["reflect", "constant", "nearest", "mirror"])
+def test_narrow_images_have_the_bits_of_short_ones(backend, mode, dtype):
+    """On the CPU, columns of high images are filtered as rows."""
+    for shape, options in (
+        ((300, 1), {}), ((300, 16), {}), ((300, 2, 3), {"channel_axis": -1}),
+        ((2, 300, 1, 4), {"channel_axis": -1, "batch_axis": 0}),
+    ):  # fmt: skip
+        image = noise(*shape, dtype=dtype)
+        rows = (slice(None), slice(0, 200)) if "batch_axis" in options else slice(0, 200)
+        part = (rows[0], slice(0, 190)) if isinstance(rows, tuple) else slice(0, 190)
+        given = {"mode": mode, "cval": 3.0, **options}
+        given |= {"dtype": dtype} if dtype == "uint8" else {}
+        whole = cvkern.gaussian(image, (2, 1), **given)
+        short = cvkern.gaussian(image[rows], (2, 1), **given)
+        np.testing.assert_array_equal(whole[part], short[part])
 
 
 def test_one_kernel_serves_both_axes(backend):

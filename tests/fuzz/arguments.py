@@ -71,26 +71,6 @@ NONSENSE: list[Any] = [
 ]
 
 
-class Frame:
-    """A table as pandas has them: NumPy can read it, and it is no array."""
-
-    def __init__(self, values: np.ndarray):
-        self._values = values
-        self.shape = values.shape
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        return np.array(self._values, dtype)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
-    def __repr__(self) -> str:
-        return f"Frame{self.shape}"
-
-    def __iter__(self) -> Any:  # the names of the columns
-        return iter("abc")
-
-
 class Draw(NamedTuple):
     """One call's random numbers, and the shape that its arrays share."""
 
@@ -125,20 +105,6 @@ class Call(NamedTuple):
     options: dict[str, Maker]
     equal: bool | str = True
     but: Callable[[dict[str, Any]], bool] = lambda arguments: False
-
-
-def disguised(draw: Draw, value: np.ndarray) -> Any:
-    """Return an array as another kind of object that holds the same values, or as none can."""
-    kind = draw.pick(["frame", "buffer", "order", "list", "masked"])
-    if kind == "frame":
-        return Frame(value)
-    if kind == "buffer" and value.size and value.dtype.isnative:
-        return memoryview(np.ascontiguousarray(value))  # pyright: ignore[reportArgumentType]
-    if kind == "order":
-        return value.astype(value.dtype.newbyteorder())
-    if kind == "masked":
-        return np.ma.masked_array(value, draw.odd(0.5))
-    return value.tolist()
 
 
 def begin(seed: int, index: int) -> Draw:

@@ -93,6 +93,8 @@ def test_order_and_batch_do_not_matter():
     pairs[1:1] = [(few, few + 1), (np.full((20, 2), np.nan), np.zeros((20, 2)))]
     cameras = np.stack([CAMERA] * 5)
     fits = cvkern.find_essentials(pairs, cameras, CAMERA)
+    once = cvkern.find_essentials(iter(pairs), cameras, CAMERA)  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(once.matrices, fits.matrices)
     assert np.isnan(fits.matrices[1:3]).all()
     assert fits.costs[1:3].tolist() == [5, 20]
     for i in (0, 3, 4):

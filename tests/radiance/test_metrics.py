@@ -37,6 +37,22 @@ def test_bytes_are_not_rescaled():
 
 
 @pytest.mark.parametrize("metric", [psnr, ssim])
+@pytest.mark.parametrize(("dtype", "most"), [("uint8", 255), ("uint16", 65535), ("float32", 1)])
+def test_the_range_is_that_of_the_dtype(metric, dtype, most):
+    a, b = ((RNG.random((12, 13)) * most).astype(dtype) for _ in range(2))
+    assert metric(a, b) == metric(a, b, data_range=most)
+
+
+@pytest.mark.parametrize("metric", [psnr, ssim])
+def test_other_ranges_are_not_guessed(metric):
+    image = np.zeros((12, 12), np.uint8)
+    with pytest.raises(ValueError, match="data_range must be given for uint8 and float64, got"):
+        metric(image, image / 255)
+    with pytest.raises(ValueError, match="data_range must be given for int64 and int64, got None"):
+        metric(image.tolist(), image.tolist())
+
+
+@pytest.mark.parametrize("metric", [psnr, ssim])
 def test_errors(metric):
     image = np.zeros((12, 12))
     with pytest.raises(ValueError, match=r"image must have the shape of truth, \(12, 13\), got"):

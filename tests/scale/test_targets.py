@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import cvkern
-from cvkern.scale import apply, grids
+from cvkern._archives import map_array
+from cvkern.scale import apply, grids, targets
 
 
 def noise():
@@ -84,3 +85,36 @@ def test_tiles_of_chunks_and_of_rows():
     assert sides(big.shape, 2, Chunked((3000, 300))) == (3000, 1800)
     assert sides(big.shape, 2, Chunked((100, 9000))) == (400, 9000)
     assert sides(big.shape, 2, memoryview(big)) == (2048, 2048)  # pyright: ignore[reportArgumentType]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (1099511627776, 4), }",
+        b"{'descr': '<f4', 'fortran_order': False, 'shape': (4611686018427387904, 4), }",
+        b"{'descr': '|O', 'fortran_order': False, 'shape': (3,), }",
+        b"{'descr': ''' ",
+        None,
+    ],
+)
+def test_arrays_of_damaged_files(tmp_path, head):
+    """Neither a header's claim takes memory, nor does Python's tokenizer or pickle speak."""
+    path = tmp_path / "a.npy"
+    if head is None:
+        np.savez(tmp_path / "a.npz", np.ones(3))
+        path.write_bytes((tmp_path / "a.npz").read_bytes())
+    else:
+        head += b" " * (118 - len(head) - 1) + b"\n"
+        path.write_bytes(b"\x93NUMPY\1\0" + len(head).to_bytes(2, "little") + head)
+    with pytest.raises(ValueError, match="file must be an array of NumPy, got"):
+        map_array(path, "file")
+
+
+def test_metadata_of_zarr_that_is_damaged(tmp_path):
+    zarr = pytest.importorskip("zarr")
+    path = tmp_path / "a.zarr"
+    zarr.open_array(str(path), mode="w", shape=(9, 9), chunks=(3, 3), dtype="u1")
+    for file in (p for p in path.rglob("*") if p.is_file()):
+        file.write_text("[]")
+    with pytest.raises(ValueError, match="source must be an array of Zarr, got"):
+        targets.zarr_array(path, "source", mode="r")

@@ -301,6 +301,24 @@ def test_a_source_that_changes_its_size(name, later):
         apply(name, Changing(later), tile=30)
 
 
+class Damaged(Changing):
+    """An image of which a part cannot be decoded."""
+
+    def __getitem__(self, window):
+        raise RuntimeError("invalid input data")
+
+
+def test_a_source_that_cannot_be_read():
+    with pytest.raises(ValueError, match="source must be readable, got Damaged: invalid input"):
+        apply("box", Damaged(None), tile=30)
+
+
+def test_tiles_are_not_listed_without_a_bound():
+    image = np.broadcast_to(np.uint8(0), (2**20, 2**20))
+    with pytest.raises(ValueError, match=r"tile must give at most 4194304 tiles, got \[3, 3\] for"):
+        apply("box", image, tile=3)
+
+
 def test_a_file_that_becomes_shorter(tmp_path):
     np.save(tmp_path / "in.npy", noise())
     source = np.load(tmp_path / "in.npy", mmap_mode="r")

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 
 import cvkern
 from cvkern._runtime import runtime
@@ -17,6 +18,7 @@ from cvkern.kernels.codes.stereo import (
     View,
     Winners,
 )
+from cvkern.kernels.warp.stereo.paths import _steps_cpu as steps
 from cvkern.stereo._strips import OVERLAP, cut_strips
 from cvkern.stereo.paths import penalties
 from tests.stereo import reference_paths as reference
@@ -46,7 +48,17 @@ def same_bits(a, b):
 
 # --- aggregation ---------------------------------------------------------------------------------
 
-SHAPES = [(1, 1, 1), (1, 23, 5), (19, 1, 33), (2, 2, 2), (3, 50, 64), (40, 9, 31), (17, 35, 70)]
+SHAPES = [
+    (1, 1, 1),
+    (1, 23, 5),
+    (19, 1, 33),
+    (2, 2, 2),
+    (3, 50, 64),
+    (40, 9, 31),
+    (17, 35, 70),
+    (170, 1, 3),
+    (130, 40, 2),
+]
 
 
 @pytest.mark.parametrize("paths", [4, 8, 16])
@@ -373,3 +385,11 @@ def test_arrays_of_other_libraries(name):
     winner = cvkern.winner_take_all(sums)
     got = winner.disparity.numpy() if name == "warp" else np.asarray(winner.disparity)
     np.testing.assert_array_equal(got, cvkern.winner_take_all(want).disparity)
+
+
+@pytest.mark.parametrize("paths", [8, 16])
+def test_tasks_grow_with_the_rows(paths):
+    """Blocks without a pixel are no tasks: a high image would have a square of them."""
+    for some, _ in steps.sweeps(paths):
+        _, (strips, blocks, _) = steps.begin(some, steps.WORD, (2**12, 1, 1), wp.get_device("cpu"))
+        assert strips * blocks <= 2 * 2**12 // steps.STRIP

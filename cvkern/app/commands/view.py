@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 import cvkern
+from cvkern._archives import map_array
 from cvkern.app.commands import Backend, Device, Overwrite, check_new
 from cvkern.app.viewer.server import HOST, PORT, Page
 
@@ -142,12 +143,7 @@ def _values(file: Path) -> np.ndarray:
     """Read a photograph, or a map."""
     from cvkern.images import read_image
 
-    if file.suffix != ".npy":
-        return read_image(file)
-    try:
-        return np.load(file, allow_pickle=False)
-    except (ValueError, EOFError) as error:  # an empty file has the last one
-        raise ValueError(f"file must be an array of NumPy, got {str(file)!r}: {error}") from error
+    return map_array(file, "file") if file.suffix == ".npy" else read_image(file)
 
 
 def _is_map(values: np.ndarray) -> bool:

@@ -98,6 +98,40 @@ def correlate_separable(
         row += wp.where(pair, 2, 1)
 
 
+@wp.kernel
+def turn(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array2d[float],  # (P H, W C)
+    height: int,
+    # outputs
+    dst: wp.array4d[float],  # (P, C, W, H)
+):
+    step = dst.shape[1]
+    for row in range(first, last):
+        plane = row // height
+        for i in range(src.shape[1]):
+            dst[plane, i % step, i // step, row - plane * height] = src[row, i]
+
+
+@wp.kernel
+def turn_back(
+    slab: int,
+    first: int,
+    last: int,
+    src: wp.array4d[float],  # (P, C, W, H)
+    height: int,
+    # outputs
+    dst: wp.array2d[float],  # (P H, W C)
+):
+    step = src.shape[1]
+    for row in range(first, last):
+        plane = row // height
+        for i in range(dst.shape[1]):
+            dst[row, i] = src[plane, i % step, i // step, row - plane * height]
+
+
 def _integers(scalar: Any, most: str) -> wp.Kernel:
     """Return the kernel for an image of integers of one type, rounded to the same type."""
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from tests.fuzz.arguments import NONSENSE, Call, Draw, disguised
+from tests.fuzz.arguments import NONSENSE, Call, Draw
+from tests.fuzz.disguises import disguised, gathered
 
 # The calls of each module of this package, by its name.
 FAMILIES: dict[str, dict[str, Call]] = {
@@ -93,4 +94,8 @@ def draw_call(draw: Draw, index: int, family: str = "") -> tuple[str, dict[str, 
     if arrays and draw.odd(0.05):
         key = draw.pick(arrays)
         chosen[key] = disguised(draw, chosen[key])
+    lists = [key for key, value in chosen.items() if type(value) is list and value]
+    if lists and draw.odd(0.05):
+        key = draw.pick(lists)
+        chosen[key] = gathered(draw, chosen[key])
     return name, chosen

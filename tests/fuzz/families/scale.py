@@ -45,8 +45,7 @@ def mapped(paths: Any, radius: Any, suffix: Any) -> Any:
         return None
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
-        for file, picture in zip(files, paths, strict=True):
-            cvkern.images.write_image(file, picture)
+        _write(files, paths)
         options = {"suffix": suffix, "radius": radius}
         found = cvkern.scale.map_images(files, "median", folder + "/out", **options)
         again = cvkern.scale.map_images(files, "median", folder + "/out", **options)
@@ -69,8 +68,7 @@ def stitched(paths: Any, tile: Any, bands: Any, scale: Any) -> Any:
     options = {"bands": bands, "scale": scale, "max_pixels": 10**6}
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
-        for file, picture in zip(files, paths, strict=True):
-            cvkern.images.write_image(file, picture)
+        _write(files, paths)
         found = cvkern.scale.stitch(files, folder + "/out", tile=tile, **options)
         whole = cvkern.stitch(paths, **options)
         for one_of, other in zip(found.panoramas, whole, strict=True):
@@ -93,13 +91,20 @@ def grouped(paths: Any, data_range: Any) -> Any:
         return None
     with tempfile.TemporaryDirectory() as folder:
         files = [Path(folder) / f"{n}.png" for n in range(len(paths))]
-        for file, picture in zip(files, paths, strict=True):
-            cvkern.images.write_image(file, picture)
+        _write(files, paths)
         found = cvkern.scale.recognize_panoramas(files, data_range=data_range)
     whole = cvkern.recognize_panoramas(paths, data_range=data_range)
     if found.components != whole.components:
         raise AssertionError("files make other groups than arrays")
     return [np.array(part) for part in found.components]
+
+
+def _write(files: list[Path], pictures: list[Any]) -> None:
+    for file, picture in zip(files, pictures, strict=True):
+        try:
+            cvkern.images.write_image(file, picture)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"paths: {error}") from None
 
 
 def views(draw: Draw) -> list[np.ndarray]:

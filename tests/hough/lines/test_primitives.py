@@ -157,7 +157,7 @@ def test_claim_on_bounds(kernels):
         codes = ((directions[k] + np.resize(off, len(points))) % DIRECTIONS).astype(I32)
         codes[-1] = directions[2]
         after = np.resize([-1, -1, -1, 0, -1, 1, 2], len(points)).astype(I32)
-        after[-1] = 1
+        after[-1] = 0  # line 1 is just after, and has another direction
         given: Any = points, codes, after, lines, directions, 12.0, tolerance
         got = kernels("hough.lines.segments.claim", *given, out=[(after.shape, I32)])
         cosine, sine, rho = lines

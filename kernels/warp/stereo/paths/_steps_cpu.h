@@ -6,19 +6,21 @@
 #define PAUSE
 #endif
 
-// Tasks on a grid of `rows` x `columns`, shared by CPU threads. A task may begin when its
-// neighbours on the left and above are done. A thread that has done a task continues with the one
+// Tasks of `rows` strips of an image, shared by CPU threads. A strip has only the `columns` blocks
+// that may have pixels: it begins `skipped` blocks to the right of the first strip. A task may begin
+// when its neighbours on the left and above are done, if there are such. A thread that has done a task continues with the one
 // below, and leaves the one on the right, if it may begin, to the next thread that asks. So no
 // thread waits while there is work, even if the operating system takes a thread off its core.
 //
 // `shared` holds STATE + 2 rows columns integers: a lock, the number of tasks left, the number of
 // tasks that may begin; then a stack of the latter; then, for each task, the number of neighbours
 // that it still waits for.
-// needs STATE
+// needs STATE, BLOCK, STRIP, LEAN
 struct Tasks {
     int* shared;
     int rows, columns;
 
+    static int skipped(int strip) { return LEAN * STRIP * strip / BLOCK; }
     int* left() const { return shared + 1; }
     int* count() const { return shared + 2; }
     int* ready() const { return shared + STATE; }
@@ -27,16 +29,6 @@ struct Tasks {
         while (__atomic_exchange_n(shared, 1, __ATOMIC_ACQUIRE)) PAUSE;
     }
     void unlock() const { __atomic_store_n(shared, 0, __ATOMIC_RELEASE); }
-
-    // Reset: only the task in the corner may begin.
-    void plan() const {
-        shared[0] = 0;
-        *left() = rows * columns;
-        for (int r = 0; r < rows; ++r)
-            for (int c = 0; c < columns; ++c) waits()[r * columns + c] = (r > 0) + (c > 0);
-        ready()[0] = 0;
-        *count() = 1;
-    }
 
     // Wait for a task that may begin and return it, or -1 when all are done.
     int take() const {
@@ -55,11 +47,12 @@ struct Tasks {
     // Release the tasks that wait for `task`; return the caller's next task, or -1 when all are
     // done.
     int finish(int task) const {
+        const int strip = task / columns, column = task % columns;
+        const int moved = skipped(strip + 1) - skipped(strip), below = task + columns - moved;
         int next = -1;
         lock();
-        if (task + columns < rows * columns && --waits()[task + columns] == 0)
-            next = task + columns;
-        if (task % columns < columns - 1 && --waits()[task + 1] == 0) {
+        if (strip < rows - 1 && column >= moved && --waits()[below] == 0) next = below;
+        if (column < columns - 1 && --waits()[task + 1] == 0) {
             if (next < 0)
                 next = task + 1;
             else
@@ -92,7 +85,8 @@ struct Sweep {
             i = task / tasks.columns * STRIP - 1;
         }
         while (task >= 0) {
-            const int strip = task / tasks.columns, u = task % tasks.columns * BLOCK;
+            const int strip = task / tasks.columns;
+            const int u = (task % tasks.columns + Tasks::skipped(strip)) * BLOCK;
             const int last = (strip + 1) * STRIP < height ? (strip + 1) * STRIP : height;
             for (++i; i < last; ++i) {
                 begin = u - LEAN * i > 0 ? u - LEAN * i : 0;

@@ -126,6 +126,7 @@ def sweeps(paths: int) -> list[tuple[Paths, int]]:
 def _prepare(
     strips: int,
     blocks: int,
+    lean: int,
     first: wp.uint64,
     middle: wp.uint64,
     header: int,
@@ -146,8 +147,12 @@ def _prepare(
     tasks[2] = 1
     tasks[STATE] = 0
     for r in range(strips):
+        moved = lean * STRIP * r // BLOCK - lean * STRIP * (r - 1) // BLOCK
         for c in range(blocks):
-            tasks[STATE + count + r * blocks + c] = wp.min(r, 1) + wp.min(c, 1)
+            waits = wp.min(c, 1)
+            if r > 0 and c + moved < blocks:
+                waits += 1
+            tasks[STATE + count + r * blocks + c] = waits
 
 
 def begin(
@@ -156,7 +161,9 @@ def begin(
     """Return the initial state of a sweep over (H, W, D): its slots, grid of tasks, and tasks."""
     height, width, depth = shape
     strips = -(-height // STRIP)
-    blocks = -(-(width + _lean(paths) * (height - 1)) // BLOCK)
+    lean = _lean(paths)
+    # The diagonals of a strip, and those before its first one in the same block.
+    blocks = -(-(BLOCK - 1 + width + lean * (STRIP - 1)) // BLOCK)
     chains = sum(down * (width - 1) + abs(along) * (height - 1) + 1 for down, along in paths)
     # After the last slot there is one more header, which ends the last slot's disparities.
     pitch = number.header + padded(depth)
@@ -166,7 +173,7 @@ def begin(
     words = view(slots, wp.uint64, (chains + 1, pitch * size // 8))
     largest = int(number.largest, 16)
     ends = wp.uint64(largest), wp.uint64(largest << 64 - 8 * size)
-    launch(_prepare, 1, [strips, blocks, *ends, number.header * size // 8], [words, tasks])
+    launch(_prepare, 1, [strips, blocks, lean, *ends, number.header * size // 8], [words, tasks])
     return slots, (strips, blocks, tasks)
 
 
