@@ -143,10 +143,10 @@ def load_scene(path: Any, *, test_every: int = 8, outside: bool = False) -> Scen
     TypeError
         If `test_every` is not an integer.
     ValueError
-        If `test_every` is negative; if `path` is another file; if a file is damaged; if there are no
-        photographs, or they differ in size, or have other proportions than their lens; if a number
-        is not finite; if a pose contains no rotation; if a photograph is outside the folder; or if
-        the lens model is unknown, as for a fisheye. The message names the file.
+        If `test_every` is negative; if `path` is another file; if a file is damaged; if there are
+        no photographs, or they differ in size, or have other proportions than their lens; if a
+        number is not finite; if a pose contains no rotation; if a photograph is outside the folder;
+        or if the lens model is unknown, as for a fisheye. The message names the file.
 
     Warns
     -----
