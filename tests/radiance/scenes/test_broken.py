@@ -29,17 +29,11 @@ def test_how_many_are_kept_back_is_checked(tmp_path):
         load_scene(tmp_path, test_every=2.5)  # type: ignore[arg-type]
 
 
-def test_a_photograph_is_no_scene(tmp_path):
-    (tmp_path / "a.png").write_bytes(b"\x89PNG")
-    with pytest.raises(
-        ValueError, match=r"path must be a folder of posed photographs, or the JSON"
-    ):
-        load_scene(tmp_path / "a.png")
-
-
 def test_missing_files_are_named(tmp_path):
     with pytest.raises(FileNotFoundError, match="path must be a folder"):
         load_scene(tmp_path / "nowhere")
+    with pytest.raises(ValueError, match="path must be a folder of posed photographs, or the JSON"):
+        load_scene(__file__)
     with pytest.raises(FileNotFoundError, match=r"transforms\.json, poses_bounds\.npy"):
         load_scene(tmp_path)
     instant_ngp(tmp_path)
