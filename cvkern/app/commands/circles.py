@@ -43,7 +43,7 @@ def circles(
         float | None,
         typer.Option(
             help="Standard deviation of the Gaussian, reduced image's pixels.",
-            show_default="a sixth of the smallest radius there, at most 2",
+            show_default="a sixth of the smallest radius there, from 1 to 2",
         ),
     ] = None,
     low_threshold: Low = None,

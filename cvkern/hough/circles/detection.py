@@ -84,7 +84,8 @@ def detect_circles(
         reduced by an integer factor, so that it becomes less than 24.
     sigma : float, optional
         Standard deviation of the Gaussian that smooths before edge detection, in pixels of the
-        reduced photograph. By default a sixth of the smallest radius there, but at most 2.
+        reduced photograph. By default a sixth of the smallest radius there, but at least 1
+        and at most 2.
     low_threshold, high_threshold : float, optional
         Thresholds of :func:`canny` on the reduced photograph. By default the quantiles 0.7 and 0.9
         of its gradients, but at least 2 % of the longest. If only one is given, the lower is half
@@ -150,7 +151,9 @@ def detect_circles(
     apart = low if min_distance is None else check_number(min_distance, "min_distance", low=0)
     rt = runtime(image)
     factor = max(1, int(low / FINEST))
-    sigma = min(low / factor / 6, 2.0) if sigma is None else check_positive(sigma, "sigma")
+    sigma = (
+        min(max(low / factor / 6, 1.0), 2.0) if sigma is None else check_positive(sigma, "sigma")
+    )
     lines = edge_lines(rt, image, factor, sigma, low_threshold, high_threshold)
     circles, support = np.empty((0, 3), np.float32), np.empty(0, np.float32)
     if lines is not None:
