@@ -26,7 +26,9 @@ def window(values, lights, order, share, method, sweeps):
     """Return the solution of a window of ranks, and the deviation of its normal."""
     n = (order >= 0).sum()
     low, high = (int(np.floor(np.float32(s) * np.float32(n) + np.float32(0.5))) for s in share)
-    usable = order >= 0 if method != "consensus" else (order >= 0) & (values > 0)
+    usable = (order >= 0) & (values > 0)
+    if method != "consensus" or usable.sum() < 3:
+        usable = order >= 0
     part = usable & (order >= low) & (order < high)
     if part.sum() < 4:
         part = usable

@@ -91,6 +91,19 @@ def test_rules(backend, method):
         assert found.residual[y, x] == pytest.approx(residual, abs=tolerance)
 
 
+def test_few_lit_images(backend):
+    """Fewer than three lit images tell no normal, so all take part in a consensus."""
+    images, lights, _ = scene(count=5)
+    images[:2] += 0.1
+    images[2:, :, 3:] = 0
+    found = cvkern.photometric_stereo(images, lights)
+    for y, x in np.ndindex(*images.shape[1:]):
+        own = images[:, y, x].astype(float)
+        normal, albedo, _ = reference.pixel(own, lights.astype(F32), "consensus")
+        np.testing.assert_allclose(found.normals[y, x], normal, atol=2e-5)
+        assert found.albedo[y, x] == pytest.approx(albedo, abs=2e-5)
+
+
 @pytest.mark.parametrize("method", ["least_squares", *METHODS])
 def test_a_matt_surface_is_found_as_it_is(backend, method):
     y, x = np.indices((24, 24)) - 11.5

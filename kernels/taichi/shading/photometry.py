@@ -181,9 +181,9 @@ def _weight(value: ti.f64, shown: ti.f64, spread: ti.f64, method: ti.i32) -> ti.
 
 
 @ti.func
-def _takes_part(rank: ti.i32, low: ti.i32, high: ti.i32, value: ti.f32, method: ti.i32) -> ti.i32:
-    """Tell whether an image takes part in a window."""
-    part = low <= rank < high and (method != CONSENSUS or value > 0.0)
+def _takes_part(rank: ti.i32, low: ti.i32, high: ti.i32, value: ti.f32, lit: ti.i32) -> ti.i32:
+    """Tell whether an image takes part in a window, of those that are `lit` or of all."""
+    part = low <= rank < high and (not lit or value > 0.0)
     return ti.cast(part, ti.i32)
 
 
@@ -204,11 +204,15 @@ def _weigh(
 ):
     for y, x in albedo:
         number = 0
+        above = 0
         brightest = ti.cast(0.0, ti.f64)
         for k in range(images.shape[0]):
             if ranks[k, y, x] != LEFT_OUT:
                 number += 1
+                above += ti.cast(images[k, y, x] > 0.0, ti.i32)
                 brightest = ti.max(brightest, _value(images, lights, k, y, x))
+        # A consensus leaves dark images out, but fewer than three tell no normal.
+        lit = ti.cast(method == CONSENSUS and above >= 3, ti.i32)
         mean = vec3(0.0)
         strength = ti.cast(0.0, ti.f64)
         total = ti.cast(0.0, ti.f64)
@@ -223,7 +227,7 @@ def _weigh(
             inside = 0
             for k in range(images.shape[0]):
                 r = ti.cast(ranks[k, y, x], ti.i32)
-                inside += _takes_part(r, low, high, images[k, y, x], method)
+                inside += _takes_part(r, low, high, images[k, y, x], lit)
             if inside < 4:  # too few to tell their spread
                 low = 0
                 high = number
@@ -235,7 +239,7 @@ def _weigh(
                 b = vec3(0.0)
                 for k in range(images.shape[0]):
                     r = ti.cast(ranks[k, y, x], ti.i32)
-                    if _takes_part(r, low, high, images[k, y, x], method):
+                    if _takes_part(r, low, high, images[k, y, x], lit):
                         value = _value(images, lights, k, y, x)
                         light = _light(lights, depth, k, y, x)
                         weight = ti.cast(1.0, ti.f64)
@@ -258,7 +262,7 @@ def _weigh(
                 weights = ti.cast(0.0, ti.f64)
                 for k in range(images.shape[0]):
                     r = ti.cast(ranks[k, y, x], ti.i32)
-                    if _takes_part(r, low, high, images[k, y, x], method):
+                    if _takes_part(r, low, high, images[k, y, x], lit):
                         value = _value(images, lights, k, y, x)
                         light = _light(lights, depth, k, y, x)
                         off = value - light.dot(s)

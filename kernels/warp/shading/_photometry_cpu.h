@@ -54,7 +54,6 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
     const size_t plane = (size_t)images.shape[1] * width;
     const size_t begin = (size_t)first * width, end = (size_t)last * width;
     const reals zero = {}, one = zero + 1.0;
-    const flags every = zero == zero;
     reals value[MOST], weight[MOST], variance[MOST], rank[MOST];
     const auto root = [](reals x) {
         for (int i = 0; i < LANES; ++i) x[i] = __builtin_sqrt(x[i]);
@@ -62,7 +61,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
     };
     for (size_t here = begin; here < end; here += LANES) {
         const int n = end - here < LANES ? (int)(end - here) : LANES;
-        reals number = zero, brightest = zero, px = zero, py = zero, pz = zero;
+        reals number = zero, above = zero, brightest = zero, px = zero, py = zero, pz = zero;
         for (int k = 0; k < count; ++k) {
             const float* from = images.data + k * plane + here;
             const wp::uint16* place = ranks.data + k * plane + here;
@@ -73,6 +72,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
             const flags part = rank[k] != (double)LEFT_OUT;
             value[k] = part ? value[k] * (double)lights.data[5 * k + 4] : zero;
             number += part ? one : zero;
+            above += value[k] > zero ? one : zero;
             brightest = value[k] > brightest ? value[k] : brightest;
         }
         flags found = (number >= 3.0) & (brightest > zero);
@@ -86,6 +86,8 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
             }
             any = any || found[i];
         }
+        // A consensus leaves dark images out, but fewer than three tell no normal.
+        const flags lit = method == CONSENSUS ? above >= 3.0 : zero > one;
         reals mx = zero, my = zero, mz = zero, strength = zero, total = zero, lx, ly, lz;
         const auto light = [&](int k) {
             const float* l = lights.data + 5 * k;
@@ -107,8 +109,7 @@ void weigh_rows(int slab, int first, int last, wp::array_t<float> images,
                 high[i] = __builtin_floorf(windows.data[2 * m + 1] * (float)number[i] + 0.5f);
             }
             const auto taken = [&](int k) {
-                const flags bright = method == CONSENSUS ? value[k] > zero : every;
-                return (rank[k] >= low) & (rank[k] < high) & bright;
+                return (rank[k] >= low) & (rank[k] < high) & (~lit | (value[k] > zero));
             };
             for (int k = 0; k < count; ++k) inside += taken(k) ? one : zero;
             low = inside < 4.0 ? zero : low;  // too few to tell their spread

@@ -87,8 +87,9 @@ void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::ar
     for (int m = 0; found && m < windows.shape[0]; ++m) {
         int low = (int)floorf(windows.data[2 * m] * (float)number + 0.5f);
         int high = (int)floorf(windows.data[2 * m + 1] * (float)number + 0.5f);
-        // Ranks run from 0 to the number. The darkest do not count for a consensus.
-        const int least = method == CONSENSUS ? dark : 0;
+        // Ranks run from 0 to the number. The darkest do not count for a consensus, unless fewer
+        // than three are left.
+        const int least = method == CONSENSUS && number - dark >= 3 ? dark : 0;
         if (high - max(low, least) < 4) {  // too few to tell their spread
             low = 0;
             high = number;

@@ -269,11 +269,16 @@ def _weigh(
     y = i // albedo.shape[1]
     x = i % albedo.shape[1]
     number = int(0)
+    above = int(0)
     brightest = zero
     for k in range(images.shape[0]):
         if ranks[k, y, x] != LEFT_OUT:
             number += 1
+            if images[k, y, x] > 0.0:
+                above += 1
             brightest = wp.max(brightest, _value(images, lights, k, y, x))
+    # A consensus leaves dark images out, but fewer than three tell no normal.
+    every = method != CONSENSUS or above < 3
     mean = wp.vec3d()
     strength = zero
     total = zero
@@ -288,7 +293,7 @@ def _weigh(
         inside = int(0)
         for k in range(images.shape[0]):
             r = int(ranks[k, y, x])
-            if r >= low and r < high and (method != CONSENSUS or images[k, y, x] > 0.0):
+            if r >= low and r < high and (every or images[k, y, x] > 0.0):
                 inside += 1
         if inside < 4:  # too few to tell their spread
             low = 0
@@ -302,7 +307,7 @@ def _weigh(
             for k in range(images.shape[0]):
                 r = int(ranks[k, y, x])
                 value = _value(images, lights, k, y, x)
-                if r >= low and r < high and (method != CONSENSUS or value > zero):
+                if r >= low and r < high and (every or value > zero):
                     light = _light(lights, depth, k, y, x)
                     weight = one
                     if method == BAYES:
@@ -324,7 +329,7 @@ def _weigh(
             for k in range(images.shape[0]):
                 r = int(ranks[k, y, x])
                 value = _value(images, lights, k, y, x)
-                if r >= low and r < high and (method != CONSENSUS or value > zero):
+                if r >= low and r < high and (every or value > zero):
                     light = _light(lights, depth, k, y, x)
                     off = value - wp.dot(light, s)
                     weight = one
