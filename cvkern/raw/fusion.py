@@ -10,6 +10,7 @@ import numpy as np
 from cvkern._arrays import library
 from cvkern._checks import check_number
 from cvkern._runtime import Runtime, runtime
+from cvkern._whites import white_of
 from cvkern.filters.linear import frozen_taps
 from cvkern.kernels.codes.filters import Border
 from cvkern.kernels.codes.raw import WELL
@@ -35,8 +36,9 @@ def fuse_exposures(
     contrast, saturation, exposure : float, default 1.0
         Exponents of the three measures that an image is weighted by; 0 leaves one out.
     white : float, optional
-        Value of white; by default 255 for uint8, 65535 for uint16 and 1 for floating images. Images
-        of 12 bits in uint16 have 4095.
+        The value of white. By default 255 for uint8 and 1 for floating images; for uint16, and
+        floating images with a mean above 1, the smallest of 2^8 - 1, 2^10 - 1, 2^12 - 1 and so on
+        that no value exceeds.
 
     Returns
     -------
@@ -88,11 +90,10 @@ def fuse_exposures(
     dtype = library(images).dtype(images)
     if dtype not in (np.uint8, np.uint16) and dtype.kind != "f":
         raise TypeError(f"images must be uint8, uint16 or floating, got {dtype}")
-    if dtype == np.uint16 and white is None:
-        white = 65535.0
     integral = dtype == np.uint8 and white is None
     frames = rt.adopt(images, np.uint8 if integral else np.float32, shape)
-    if white is not None:
+    white = white_of(images) if white is None else white
+    if not integral and white != 1:
         frames = _scaled(rt, frames, white)
     scale = 1 / 255 if integral else 1.0
     # exp(-d / (2 WELL^2)) as a power of 2 of the squared distance d.

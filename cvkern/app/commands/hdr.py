@@ -66,7 +66,7 @@ def hdr(
         if align:
             images = cvkern.align_exposures(images).images
         if tone == "fuse":
-            picture = cvkern.fuse_exposures(images, white=_white(images))
+            picture = cvkern.fuse_exposures(images)
             shown = np.rint(picture * 255).astype(np.uint8)
         else:
             times = _times(seconds, folder, paths)
@@ -83,14 +83,6 @@ def hdr(
                     np.save(file, merged)
     write_image(output, shown)
     typer.echo(f"{output}: {len(paths)} exposures of {shown.shape[0]} x {shown.shape[1]}")
-
-
-def _white(images: list[np.ndarray]) -> float | None:
-    """Return the white of images of 16 bits that use fewer, as a camera's 12; else None."""
-    if images[0].dtype != np.uint16:
-        return None
-    most = int(max(image.max() for image in images))
-    return float(2 ** max(most.bit_length(), 8) - 1)
 
 
 def _check_alike(paths: list[Path], images: list[np.ndarray]) -> None:
