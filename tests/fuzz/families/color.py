@@ -30,6 +30,7 @@ def spectra(draw: Draw) -> Any:
 
 WAVES = maybe(one(VISIBLE, VISIBLE[::-1], np.arange(400, 500, 10.0), [500], []))
 SEEN: dict[str, Maker] = {"wavelengths": WAVES, "observer": OBSERVER}
+DEPTH: dict[str, Maker] = {"dtype": one("float32", "uint8", "float64")}
 CALLS: dict[str, Call] = {
     "adapt_colors": Call(
         cvkern.adapt_colors,
@@ -64,10 +65,13 @@ CALLS: dict[str, Call] = {
             "kernel_size": maybe(one(1, 4, (8, 3), 200, 0)),
             "clip_limit": number(0, 1),
             "nbins": one(256, 2, 1, 65536, 2**40),
+            **DEPTH,
         },
     ),
     "equalize_hist": Call(
-        cvkern.equalize_hist, {"image": one_of(image, three)}, {"nbins": one(256, 2, 1, 65536, 0)}
+        cvkern.equalize_hist,
+        {"image": one_of(image, three)},
+        {"nbins": one(256, 2, 1, 65536, 0), **DEPTH},
     ),
     "illusion": Call(
         cvkern.illusion,

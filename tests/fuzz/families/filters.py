@@ -61,7 +61,18 @@ CALLS: dict[str, Call] = {
     "sobel_v": Call(cvkern.sobel_v, IMAGE, MASK),
     "scharr": Call(cvkern.scharr, IMAGE, {**BORDER, **AXIS, **MASK}),
     "prewitt": Call(cvkern.prewitt, IMAGE, {**BORDER, **AXIS, **MASK}),
-    "laplace": Call(cvkern.laplace, IMAGE, {**BORDER, **MASK}),
+    "laplace": Call(cvkern.laplace, IMAGE, {**BORDER, **MASK, "ksize": one(3, 5)}),
+    "laplace of a stack": Call(cvkern.laplace, STACK, BORDER),
+    "scharr of a stack": Call(cvkern.scharr, STACK, {**BORDER, **AXIS}),
+    "box of a stack": Call(cvkern.box, STACK, {**BORDER, "radius": pair(whole(0, 30))}),
+    "correlate_separable of channels": Call(
+        cvkern.correlate_separable, {**DEEP, "taps": several(number(-2, 2), 1, 7)}, BORDER
+    ),
+    "box to integers": Call(
+        cvkern.box,
+        IMAGE,
+        {**BORDER, "radius": pair(whole(0, 30)), "dtype": one("uint8", "uint16", "int8")},
+    ),
     "laplace of channels": Call(cvkern.laplace, DEEP, BORDER),
     "threshold_otsu": Call(cvkern.threshold_otsu, IMAGE, {"nbins": whole(0, 300)}),
     "gradient": Call(

@@ -48,9 +48,10 @@ def recognise(
     scales: Any = (1.0,),
     threshold: Any = None,
     patch: Any = 8,
+    **options: Any,
 ) -> Any:
     """Fit a model, and find objects by it."""
-    model = cvkern.ShapeModel(20, patch=patch, points=points).fit(
+    model = cvkern.ShapeModel(20, patch=patch, points=points, **options).fit(
         images, boxes, negatives=negatives
     )
     return model.detect(image, scales=scales, threshold=threshold)
@@ -83,6 +84,12 @@ CALLS: dict[str, Call] = {
             "scales": one((1.0,), (0.7, 1.0), (0.0,), (99.0,)),
             "threshold": number(-5, 50),
             "patch": one(8, 5, 16),
+            "step": whole(1, 5),
+            "method": one("agglomerative", "kmeans", "none"),
+            "correlation": number(0.1, 1),
+            "max_words": whole(0, 3),
+            "layers": whole(1, 3),
+            "mirror": one(False, True),
         },
     ),
 }

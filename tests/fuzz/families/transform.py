@@ -114,7 +114,13 @@ CALLS: dict[str, Call] = {
         },
     ),
     "resize of channels": Call(
-        cvkern.resize, {**DEEP, "shape": size}, {"antialias": one(True, False)}
+        cvkern.resize,
+        {**DEEP, "shape": size},
+        {
+            "antialias": one(True, False),
+            "method": one("linear", "area"),
+            "dtype": one("float32", "uint8"),
+        },
     ),
     "pyramid_gaussian": Call(
         cvkern.pyramid_gaussian,

@@ -86,6 +86,23 @@ def test_runs(kernels, number, lines, max_gap, least):
         np.testing.assert_array_equal(ends[s], [at.min(), at.max()])
 
 
+def test_runs_on_bounds(kernels):
+    """The largest gap does not cut; a run of the least length and density is kept."""
+    for top, max_gap, least in (
+        (np.repeat(np.arange(0, 13, 3), 2), 3.0, 12.0),  # 10 points, more than dense enough
+        (np.array([0, 2, 4, 6, 8, 10]), 2.0, 1.0),  # DENSITY times a length of 10 is 6
+        (np.array([0, 2, 5]), 3.0, 5.0),
+    ):
+        number, theta = len(top), np.zeros(1)
+        points = np.stack([top, np.full(number, 5.0)], axis=1).astype(F32)
+        codes, labels = codes_of(np.zeros(number)), np.zeros(number, I32)
+        out = [((2 * number,), I32), ((number, 2), I32), ((number,), U8), ((1,), I32)]
+        given = points, codes, labels, np.array([[1.0], [0.0]]), codes_of(theta), (max_gap, least)
+        _, runs, _, total = kernels("hough.lines.runs.cut", *given, out=out)
+        assert cut(points, codes, labels, theta, max_gap, least)[1].tolist() == [[0, number]]
+        assert runs[: total[0]].tolist() == [[0, number]]
+
+
 def test_points_are_prepared_and_left(kernels):
     points, directions, codes, labels, _ = scattered(999, 7)
     out = [((999, 2), I32), ((999,), I32)]

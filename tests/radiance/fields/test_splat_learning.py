@@ -45,6 +45,14 @@ def test_faded_splats_are_relocated():
     assert relocated(np.array([0.001]), 1, 1)[2] == 0
 
 
+def test_copies_hide_as_much_as_their_original_did():
+    """Eight copies of one splat, with the original: 1 - (1 - o')^8 = o."""
+    _, numbers, count = relocated(np.array([0.9] + 7 * [0.001]), 3, 5)
+    assert count == 7
+    opacity = 1 / (1 + np.exp(-numbers[:, 0].astype(np.float64)))
+    np.testing.assert_allclose(1 - (1 - opacity) ** 8, 0.9, rtol=1e-5)
+
+
 def rows_of(rt, splats):
     return Splats(*(rt.to_numpy(a).astype(np.float64) for a in splats))
 
