@@ -21,7 +21,7 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def compile_all() -> Iterator[tuple[int, int, str]]:
-    """Make all calls, several at a time on the CPU; yield how many are made, of how many, a name."""
+    """Make all calls, several at a time on the CPU; yield how many of how many, and a name."""
     most = cpu_threads() if choice()[1] == "cpu" else 1
     chosen, todo = pinned(), list(calls())
 
