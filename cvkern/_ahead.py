@@ -16,9 +16,9 @@ from cvkern.kernels._threads import cpu_threads
 def compiles_ahead(*names: str) -> Iterator[None]:
     """Compile what the functions `names`, ``FAMILY.NAME``, need while the block computes.
 
-    When the block must wait for the first kernel that is not in the cache, the warm-up calls of
-    these functions begin on other threads, the first name first, and the block ends after them. If
-    the cache has all kernels, nothing happens.
+    When the block must wait for the first kernel for the CPU that is not in the cache, the warm-up
+    calls of these functions begin on other threads, the first name first, and the block ends after
+    them. If the cache has all kernels, nothing happens.
     """
     if MEANWHILE.get():  # in another such block
         yield
@@ -41,19 +41,19 @@ class _Others:
         self._threads: list[threading.Thread] = []
         self._ended = False
 
-    def begin(self, device: str) -> None:
-        """Begin to compile for a device, if this is the first time and there are more cores."""
+    def begin(self) -> None:
+        """Begin to compile, if this is the first time and there are more cores."""
         if self._threads or cpu_threads() == 1:
             return
         backend = choice()[0]
         self._left = iter([*map(warm_up_call, self._names)])
         for _ in range(min(cpu_threads(), len(self._names))):
-            thread = threading.Thread(target=self._work, args=(backend, device), daemon=True)
+            thread = threading.Thread(target=self._work, args=(backend,), daemon=True)
             self._threads.append(thread)
             thread.start()
 
-    def _work(self, backend: str, device: str) -> None:
-        with use(backend, device):
+    def _work(self, backend: str) -> None:
+        with use(backend, "cpu"):
             for call in self._left:
                 if self._ended:
                     return

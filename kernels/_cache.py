@@ -16,8 +16,8 @@ VARIABLES = {"warp": "WARP_CACHE_PATH", "taichi": "TI_OFFLINE_CACHE_FILE_PATH"}
 # Seconds; Taichi holds its lock while it reads or writes the list of kernels, for less than one.
 OLD = 60.0
 
-# What the caller does, given the device, before it waits for a kernel that is not in the cache.
-MEANWHILE: ContextVar[Callable[[str], None] | None] = ContextVar("cvkern_meanwhile", default=None)
+# What the caller does before it waits for a kernel for the CPU that is not in the cache.
+MEANWHILE: ContextVar[Callable[[], None] | None] = ContextVar("cvkern_meanwhile", default=None)
 
 
 def refusal(folder: str | os.PathLike[str]) -> str:

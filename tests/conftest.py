@@ -72,6 +72,7 @@ SECONDS = {
     "recognition/test_models.py": 20,
     "app/test_tour_radiance.py": 20,
     "runtime/test_cache.py": 18,
+    "runtime/test_compiling.py": 14,
     "radiance/training/test_settings.py": 15,
     "test_house.py": 12,
     "radiance/training/test_deterministic.py": 10,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import cvkern
-from cvkern._runtime import pinned
+from cvkern._runtime import choice, pinned
 from cvkern.kernels._threads import cpu_threads
 
 
@@ -21,7 +21,8 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
 
 
 def compile_all() -> Iterator[tuple[int, int, str]]:
-    """Make all calls, several at a time; yield their number so far, that of all, and each name."""
+    """Make all calls, several at a time on the CPU; yield how many of how many, and a name."""
+    most = cpu_threads() if choice()[1] == "cpu" else 1
     chosen, todo = pinned(), list(calls())
 
     def make(name: str, call: Callable[[], object]) -> str:
@@ -29,7 +30,7 @@ def compile_all() -> Iterator[tuple[int, int, str]]:
             call()
         return name
 
-    with ThreadPoolExecutor(cpu_threads(), thread_name_prefix="cvkern-warmup") as threads:
+    with ThreadPoolExecutor(most, thread_name_prefix="cvkern-warmup") as threads:
         made = [threads.submit(make, *named) for named in todo]
         try:
             for done, future in enumerate(as_completed(made), 1):

@@ -24,7 +24,9 @@ def calls() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "hough_line_segments", partial(hough.hough_line_segments, mask, [0.0], [9.0])
     yield "probabilistic_hough_line", partial(hough.probabilistic_hough_line, mask, rng=0)
     yield "detect_lines", partial(hough.detect_lines, byte)
-    yield "detect_segments", partial(hough.detect_segments, byte)
+    square = np.zeros((24, 40), np.uint8)
+    square[6:18, 8:32] = 200  # noise has no segments, for which there are further kernels
+    yield "detect_segments", partial(hough.detect_segments, square)
     yield "fit_line", partial(hough.fit_line, [[0, 0], [1, 2]])
     yield "suggest_line_bins", partial(hough.suggest_line_bins, byte.shape)
     for normalize in (True, False):

@@ -30,6 +30,7 @@ _pool: ThreadPoolExecutor | None = None
 _turns: dict[Any, threading.Lock] = {}  # a lock for each module
 _lock = threading.Lock()
 _header_lock = threading.Lock()
+_gpu_lock = threading.Lock()
 _headers: dict[Path, Path] = {}  # the folder of the header of each kernel cache
 
 
@@ -40,14 +41,14 @@ def load(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
     disk may have left an incomplete file. If the cache cannot be written to and does not have the
     module, it is replaced by one for this process.
 
-    One thread at a time loads a module, but several threads load several modules.
+    One thread at a time loads a module. Several threads load several modules for the CPU.
     """
     _leave_out_bfloat16(kernel.module)
     meanwhile = _cache.MEANWHILE.get()
-    if meanwhile:
+    if meanwhile and device.is_cpu:
         kept = _cached(kernel, block)
         if not (kept and kept.exists()):
-            meanwhile(device.alias)
+            meanwhile()
     if device.is_cpu:
         _compilers().submit(_make, kernel, device, block).result()
     else:
@@ -65,7 +66,8 @@ def _leave_out_bfloat16(module: Any) -> None:
 
 
 def _make(kernel: wp.Kernel, device: wp.Device, block: int) -> None:
-    with _turns.setdefault(kernel.module, threading.Lock()):
+    turn = _turns.setdefault(kernel.module, threading.Lock())
+    with turn, nullcontext() if device.is_cpu else _gpu_lock:
         kept = _cached(kernel, block)
         there = kept is not None and kept.parent.is_dir()
         try:
@@ -191,8 +193,9 @@ def _compilers() -> ThreadPoolExecutor:
 
 def _after_fork() -> None:
     """Reset the parent's threads and locks, because a forked child has none of the threads."""
-    global _pool, _lock, _header_lock
-    _pool, _lock, _header_lock = None, threading.Lock(), threading.Lock()
+    global _pool, _lock, _header_lock, _gpu_lock
+    _pool, _lock = None, threading.Lock()
+    _header_lock, _gpu_lock = threading.Lock(), threading.Lock()
     _turns.clear()
 
 
