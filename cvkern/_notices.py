@@ -23,6 +23,11 @@ def warn(text: str) -> None:
 def _depth() -> int:
     """Return the number of frames from :func:`warn` up to the caller of cvkern."""
     depth, frame = 0, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("cvkern."):
+    while frame.f_back is not None and _is_ours(frame.f_globals.get("__name__", "")):
         depth, frame = depth + 1, frame.f_back
     return depth + 1
+
+
+def _is_ours(module: str) -> bool:
+    """Tell whether a frame is cvkern's, or that of a decorator made of a context."""
+    return module.startswith("cvkern.") or module == "contextlib"

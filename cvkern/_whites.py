@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -26,16 +28,37 @@ def white_of(image: Any, data_range: float | None = None) -> float:
     if data_range is not None:
         return check_positive(data_range, "data_range")
     dtype = library(image).dtype(image)
-    white = float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
     if dtype.itemsize == 1 or capturing():
-        return white
-    largest, mean = _summary(image)
-    below = white
+        return _white_of_dtype(dtype)
+    return _white(dtype, *_summary(image))
+
+
+def white_of_parts(parts: Iterable[Any]) -> float:
+    """Return the value of white in an image that is cut into `parts`, at least one."""
+    dtypes, seen, sizes = [], [], []
+    for part in parts:
+        dtypes.append(library(part).dtype(part))
+        if dtypes[0].itemsize == 1:
+            return white_of(part)
+        seen.append(_summary(part))
+        sizes.append(math.prod(part.shape))
+    largest, means = np.array(seen).T
+    with np.errstate(all="ignore"):
+        return _white(dtypes[0], float(largest.max()), float(np.average(means, weights=sizes)))
+
+
+def _white(dtype: np.dtype, largest: float, mean: float) -> float:
+    """Return the value of white in an image of `dtype` with this largest value and this mean."""
+    below = white = _white_of_dtype(dtype)
     if dtype.kind == "f":
         if not 1 < mean < np.inf:
             return white
         below, largest = np.inf, largest / OVERSHOOT
     return next((w for w in (2.0**bits - 1 for bits in BITS) if largest <= w < below), white)
+
+
+def _white_of_dtype(dtype: np.dtype) -> float:
+    return float(np.iinfo(dtype).max) if dtype.kind in "iu" else 1.0
 
 
 def white_of_all(images: Any, data_range: float | None = None) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -19,6 +18,7 @@ from cvkern._checks import (
     check_number,
     check_positive,
 )
+from cvkern._notices import warn
 from cvkern.panorama.models import Alignment, align
 from cvkern.panorama.registration import Heap, Link, connected
 from cvkern.panorama.surfaces import SURFACES, Canvas, lay_out
@@ -112,10 +112,7 @@ def plan_panoramas(
     for made in plans:
         if made.alignment.model.endswith("tree"):
             joined = ", ".join(called[i] for i in made.members)
-            warnings.warn(
-                f"images {joined} could not be adjusted together, and are joined pair by pair",
-                stacklevel=3,
-            )
+            warn(f"images {joined} could not be adjusted together, and are joined pair by pair")
     return plans
 
 

@@ -19,6 +19,7 @@ import numpy as np
 import cvkern
 from cvkern._checks import check_integer, check_pair
 from cvkern._runtime import check_devices, pinned, refuse_capture
+from cvkern._whites import white_of_parts
 from cvkern.scale._lazy import lazy_tiles
 from cvkern.scale.edges import Place, Seams, add_edges, flooded, thresholds, tile_edges
 from cvkern.scale.grids import BAND, MOST_TILES, TILE, Tile, bands_of, sides_of, tiles_of
@@ -116,8 +117,9 @@ def apply(
 
     Paths of :func:`stereo_match` go through the whole image. Strips read 64 rows more on each side,
     after which paths have mostly forgotten where they began; `max_bytes` cuts volumes in the same
-    way. With the method 'window' and ``speckle_size=0``, values are those of the whole image where
-    every row has a valid pixel.
+    way. Without `data_range`, a pass before finds the white of images of more than 8 bits. With the
+    method 'window' and ``speckle_size=0``, values are those of the whole image where every row has a
+    valid pixel.
 
     Examples
     --------
@@ -173,6 +175,8 @@ def apply(
     if seams and options.get("use_quantiles"):
         low, high = thresholds(tiles, read, options)
         options |= {"low_threshold": low, "high_threshold": high, "use_quantiles": False}
+    if name == "stereo_match" and options.get("data_range") is None:
+        options |= {"data_range": _white(sources, tiles)}
     with _Job(name, target, shape, sides, (*sources, *maps.values()), options) as job:
         waiting = [t for t in tiles if book.kept(t.number) is None]
         bands = bands_of(waiting, shape[1] if job.gathers else 0)
@@ -197,6 +201,16 @@ def apply(
     if hasattr(job.kind, "_fields") and target is None:
         return job.kind(*targets)
     return targets[0] if len(targets) == 1 else tuple(targets)
+
+
+def _white(sources: Sequence[Any], tiles: list[Tile]) -> float | None:
+    """Return the value of white in a pair of images; None where each image has its own."""
+    first = [cut(one, tiles[0].inner, "source").dtype for one in sources]
+    if len(set(first)) > 1 or first[0].kind not in "iuf":
+        return None
+    return max(
+        white_of_parts(cut(one, tile.inner, "source") for tile in tiles) for one in sources
+    )
 
 
 class _Job:
