@@ -205,7 +205,7 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.find_similarity([[0.0, 0]] * 3, [[0.0, 0]] * 3, threshold=1e-38),
         lambda: radiance.project(VIEWS, False, np.full((1, 3), np.inf)),
         lambda: radiance.pixel_rays(VIEWS, 0, [[np.inf, 0]]),
-        lambda: radiance.psnr([[1e-30]], [[0]]),
+        lambda: radiance.psnr([[1e-30]], [[0.0]]),
         lambda: cvkern.project_points([[np.inf, 0, 1]], CAMERA),
         lambda: cvkern.develop(np.full((6, 8), np.inf, "f4"), illuminant=(1, 1, 1)),
         lambda: cvkern.fuse_exposures(np.full((2, 6, 8), 1e30, "f4")),
