@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping, Sequence, Set
 from enum import IntEnum
 from functools import lru_cache
+from numbers import Number
 from typing import Any, TypeVar
 
 import numpy as np
@@ -92,7 +93,12 @@ def as_numbers(values: Any, name: str, dtype: Any = np.float64) -> np.ndarray:
     _arrays.library(values, name)  # refuses masks and placeholders
     try:
         array = np.asarray(values)
-        if np.isrealobj(array):
+        # Texts, dates and None would be converted too.
+        if array.dtype.kind == "O":
+            numeric = all(isinstance(value, Number) for value in array.flat)
+        else:
+            numeric = array.dtype.kind not in "SUmM" and np.isrealobj(array)
+        if numeric:
             with np.errstate(over="ignore"):
                 return array.astype(dtype)
     except Exception:  # another library may raise anything when asked for its values

@@ -21,9 +21,6 @@ MOST_STEPS = 400
 # A residual of this share of the first is below what float32 shows of depths. Where little is left
 # to change, as in the last rounds of a method, rounding errors are all that is left of residuals.
 ROUNDING = 1e-9
-# Relative error to which the equations are solved between updates of the weights. They go on from
-# the depths before, so that many rounds reach a small error; a smaller one here only takes longer.
-BETWEEN = 0.03
 LEAST_GAIN = 1e-4  # relative decrease of the energy below which the weights are final
 
 
@@ -146,7 +143,7 @@ def integrate_normals(
             if energy >= (1 - LEAST_GAIN) * before:
                 break
             before = energy
-            solver.solve(max(tolerance, BETWEEN))
+            solver.solve(max(tolerance, 1e-3))
     parts, means = _parts(rt, solver.z, there)
     result = rt.empty(shape)
     kernels.finish(solver.z, parts, means, rt.adopt(result))

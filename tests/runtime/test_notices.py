@@ -19,10 +19,10 @@ LIGHTS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.6, 0, 0.8]])
 LIT = cvkern.lambertian(np.full((4, 5, 3), [0.0, 0.28, 0.96]), LIGHTS)
 # Calls with a setting that finds nothing or something, and what is said of nothing.
 CALLS = {
-    "sift": (lambda n: cvkern.sift(PICTURE.astype(np.uint16) * n), 8, 256,
-             "no keypoint was found: the largest value is 1752, and white is 6.554e+04"),
-    "orb": (lambda n: cvkern.orb(PICTURE.astype(np.uint16) * n), 8, 256,
-            "no keypoint was found: the largest value is 1752, and white is 6.554e+04"),
+    "sift": (lambda n: cvkern.sift(PICTURE // n), 24, 1,
+             "no keypoint was found: the largest value is 9, and white is 255: give data_range"),
+    "orb": (lambda n: cvkern.orb(PICTURE // n), 24, 1,
+            "no keypoint was found: the largest value is 9, and white is 255: give data_range"),
     "laser": (lambda n: cvkern.detect_laser_lines(LASER, method="peak", threshold=n), 201, 199,
               "no line was found: the strongest is 200, below threshold 201"),
     "gray": (lambda n: cvkern.decode_gray_code(GRAY, (16, 31), margin=n), 255, 254,
