@@ -121,6 +121,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
 def zeros(shape: tuple[int, ...], dtype: np.dtype, device: str) -> wp.array:
     """Allocate an array of 0; on the CPU, its pages are cleared only when they are written."""
     if device == "cpu":
+        _replays.spoil()
         size = math.prod(shape) * dtype.itemsize
         room = np.zeros(size + _LINE, np.uint8)
         begin = -room.ctypes.data % _LINE

@@ -167,8 +167,13 @@ class Plan:
 
 
 def plan_of(notes: Notes, spans: Sequence[tuple[int, int]]) -> Plan | None:
-    """Return the plan of noted launches; None if it would not do all that was done."""
+    """Return the plan of noted launches; None if it would not do all that was done.
+
+    No launch reads the first span, the image, if the host converted it before.
+    """
     launches = [noted for noted in notes if noted is not None]
+    if not any(_span_of(a, spans[:1]) for noted in launches for a in noted[2]):
+        return None
     inner = (getattr(a, n) for noted in launches for a in noted[2] for n in _arrays_in(a))
     hidden = any(_span_of(a, spans) is not None for a in inner)
     if not _internals.QUICK or not notes or len(launches) < len(notes) or hidden:

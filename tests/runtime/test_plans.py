@@ -9,6 +9,7 @@ import warp as wp
 
 import cvkern
 from cvkern import _plans
+from cvkern._runtime import runtime
 from cvkern.kernels.warp import _replays as launches
 from tests.calls import fields
 
@@ -131,6 +132,26 @@ def test_arrays_that_kernels_cannot_take_are_not_planned(repeats):
         cvkern.box(noise(0, (300, 300)))
         with cvkern.use(backend="taichi"):
             cvkern.box(noise(0))
+    assert not repeats
+
+
+@pytest.mark.parametrize("scalar", [np.uint8, np.float32])
+def test_what_the_host_writes_is_not_planned(repeats, scalar):
+    """The host converts bytes, and clears what floats are added to."""
+
+    @_plans.planned
+    def doubled(image):
+        rt = runtime(image)
+        values, result = rt.adopt(image), rt.empty(image.shape)
+        summand = values
+        if scalar is np.float32:
+            summand = rt.zeros(image.shape)
+            rt.filters.gradients.add(values, summand, summand)
+        rt.filters.gradients.add(values, summand, rt.adopt(result))
+        return rt.release(result)
+
+    for n in range(5):
+        np.testing.assert_array_equal(doubled(np.full((40, 64), n, scalar)), 2 * n)
     assert not repeats
 
 

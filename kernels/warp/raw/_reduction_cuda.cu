@@ -3,9 +3,9 @@
 #include "_pyramid.h"
 #include "_strips_cuda.h"
 
-// The next smaller level of bytes, in rows of whole groups of four pixels. Sums of bytes are exact in
-// any order, and one of 5 x 5 has 16 bits: two are in one integer, red and green of a pixel, and the
-// last channel of two. They are scaled at the end.
+// The next smaller level of bytes, in rows of whole groups of four pixels. Sums of bytes are exact
+// in any order, and one of 5 x 5 has 16 bits: two are in one integer, red and green of a pixel, and
+// the last channel of two. They are scaled at the end.
 // needs PART, TYPE, INTEGRAL, CHANNELS
 void byte_strips(wp::array_t<TYPE> frames, float scale, wp::array_t<float> weights, int each,
                  wp::array_t<float> dst) {

@@ -48,9 +48,10 @@ void rank_kept(wp::array_t<float> images, wp::array_t<float> scales, wp::array_t
     }
 }
 
-// Consensus, least absolute residuals, or least squares of a window of ranks. The values of a pixel are kept in the order of
-// their ranks, so that a window is a part of them. Sums are float32. Each solution but the first is
-// the last one and a correction, which follows from what that leaves: so rounding hardly counts.
+// Consensus, least absolute residuals, or least squares of a window of ranks. The values of a pixel
+// are kept in the order of their ranks, so that a window is a part of them. Sums are float32. Each
+// solution but the first is the last one and a correction, which follows from what that leaves: so
+// rounding hardly counts.
 // needs KEPT, LEFT_OUT, MOST, RIDGE, FLOOR, L1, CONSENSUS
 void weigh_kept(wp::array_t<float> images, wp::array_t<wp::uint16> ranks, wp::array_t<float> lights,
                 wp::array_t<float> windows, int method, int sweeps, wp::array_t<float> normals,

@@ -2,12 +2,13 @@
 // sampling.py and projective.py have the equations.
 
 // needs MAPPED, NEAREST, ROUNDED, CHANNELS, PART, PLACE_BITS, MIDDLE, START, START_HIGH
-// Rows from `top` on of a tile, PART pixels wide from `start` on, of an image seen through a
-// homography, linearly or the NEAREST: `places` takes (x, y, 1) of the result to the image. If MAPPED, it has the
-// rows and the columns of all places. A tile needs little of the image, which stays in the cache. Returns how many pixels it lists in `left`, for others to
-// find: those on the last rows or the last column, and, unless all beyond the image is `cval`,
-// those beyond. So nothing is read behind the image, though more than two pixels are read at once.
-// Bytes of the result from bytes are in whole steps: see _bytes.py.
+// Rows from `top` on of a tile, PART pixels wide from `start` on, linearly or the NEAREST. `places`
+// is a homography, which takes (x, y, 1) of the result to the image; if MAPPED, the rows and the
+// columns of all places. A tile needs little of the image, which stays in the cache. Returns how
+// many pixels it lists in `left`, for others to find: those on the last rows or the last column,
+// and, unless all beyond the image is `cval`, those beyond. So nothing is read behind the image,
+// though more than two pixels are read at once. Bytes of the result from bytes are in whole steps:
+// see _bytes.py.
 int warp_tile(int top, int bottom, int start, int slab, wp::array_t<float> src,
               wp::array_t<double> places, int constant, float cval, wp::array_t<int> left,
               wp::array_t<float> dst) {

@@ -7,10 +7,11 @@
 #endif
 
 // Tasks of `rows` strips of an image, shared by CPU threads. A strip has only the `columns` blocks
-// that may have pixels: it begins `skipped` blocks to the right of the first strip. A task may begin
-// when its neighbours on the left and above are done, if there are such. A thread that has done a task continues with the one
-// below, and leaves the one on the right, if it may begin, to the next thread that asks. So no
-// thread waits while there is work, even if the operating system takes a thread off its core.
+// that may have pixels: it begins `skipped` blocks to the right of the first strip. A task may
+// begin when its neighbours on the left and above are done, if there are such. A thread that has
+// done a task continues with the one below, and leaves the one on the right, if it may begin, to
+// the next thread that asks. So no thread waits while there is work, even if the operating system
+// takes a thread off its core.
 //
 // `shared` holds STATE + 2 rows columns integers: a lock, the number of tasks left, the number of
 // tasks that may begin; then a stack of the latter; then, for each task, the number of neighbours
