@@ -142,8 +142,8 @@ def release_memory() -> None:
     mebibytes in all threads together, by default 1024. This function frees all scratch memory on
     the host, that of this thread on GPUs, and the host memory that is kept of earlier results, at
     most 256 MiB and as much pinned. Other threads free theirs on GPUs at their next call that uses
-    some. Running calls of other threads are not disturbed. The memory of a captured call
-    (:func:`capture`) stays.
+    some, and keep what their repeated calls on small images use, some MiB. Running calls of other
+    threads are not disturbed. The memory of a captured call (:func:`capture`) stays.
 
     Raises
     ------

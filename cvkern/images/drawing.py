@@ -22,7 +22,8 @@ def draw_points(
     Parameters
     ----------
     image : array of shape (H, W) or (H, W, C) with C in 3, 4
-        uint8, uint16, bool, or floats in [0, 1]. Alpha is ignored.
+        uint8, bool, floats in [0, 1], or uint16, whose white is that of :func:`cvkern.sift`. Alpha
+        is ignored.
     points : array of shape (N, 2)
         Centres, (row, column), pixels. Parts outside the image are cut off.
     color : array of shape (3,) or (N, 3)

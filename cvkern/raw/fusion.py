@@ -38,7 +38,8 @@ def fuse_exposures(
     white : float, optional
         The value of white. By default 255 for uint8 and 1 for floating images; for uint16, and
         floating images with a mean above 1, the smallest of 2^8 - 1, 2^10 - 1, 2^12 - 1 and so on
-        that no value exceeds.
+        that no value exceeds. A captured call knows only the dtype: its white is 65535 for uint16,
+        and 1 for floating images.
 
     Returns
     -------

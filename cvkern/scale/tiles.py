@@ -117,9 +117,8 @@ def apply(
 
     Paths of :func:`stereo_match` go through the whole image. Strips read 64 rows more on each side,
     after which paths have mostly forgotten where they began; `max_bytes` cuts volumes in the same
-    way. Without `data_range`, a pass before finds the white of images of more than 8 bits. With the
-    method 'window' and ``speckle_size=0``, values are those of the whole image where every row has a
-    valid pixel.
+    way. With the method 'window' and ``speckle_size=0``, values are those of the whole image where
+    every row has a valid pixel. Without `data_range`, a pass before finds the white of both images.
 
     Examples
     --------
@@ -176,7 +175,7 @@ def apply(
         low, high = thresholds(tiles, read, options)
         options |= {"low_threshold": low, "high_threshold": high, "use_quantiles": False}
     if name == "stereo_match" and options.get("data_range") is None:
-        options |= {"data_range": _white(sources, tiles)}
+        options |= {"data_range": _white_of_pair(sources, tiles)}
     with _Job(name, target, shape, sides, (*sources, *maps.values()), options) as job:
         waiting = [t for t in tiles if book.kept(t.number) is None]
         bands = bands_of(waiting, shape[1] if job.gathers else 0)
@@ -203,14 +202,12 @@ def apply(
     return targets[0] if len(targets) == 1 else tuple(targets)
 
 
-def _white(sources: Sequence[Any], tiles: list[Tile]) -> float | None:
-    """Return the value of white in a pair of images; None where each image has its own."""
+def _white_of_pair(sources: Sequence[Any], tiles: list[Tile]) -> float | None:
+    """Return the white of a pair of images; None if they differ in dtype, so that each has one."""
     first = [cut(one, tiles[0].inner, "source").dtype for one in sources]
     if len(set(first)) > 1 or first[0].kind not in "iuf":
         return None
-    return max(
-        white_of_parts(cut(one, tile.inner, "source") for tile in tiles) for one in sources
-    )
+    return max(white_of_parts(cut(one, tile.inner, "source") for tile in tiles) for one in sources)
 
 
 class _Job:

@@ -18,6 +18,7 @@ from ._streams import current_stream
 
 PAGE = 4096  # bytes below which the overhead of a copy to the host dominates its time
 MOST_MB = 1024  # MiB that all threads together keep on the host; CVKERN_SCRATCH_MB overrides it
+_SMALL = 1 << 20  # bytes up to which a block on the host has a power of two
 _MAX_VIEWS = 16  # largest number of views that an array keeps
 
 _Key = tuple[str, str, int]  # name, device and stream
@@ -27,6 +28,9 @@ class _Block:
     """Memory with its views; a view keeps the memory alive, but not the block."""
 
     def __init__(self, size: int, device: wp.Device):
+        if size <= _SMALL and not device.is_cuda:
+            # Plans keep blocks alive: those of somewhat larger images then share one.
+            size = 1 << max(size - 1, 7).bit_length()
         # Allocate words, because Warp counts the elements of an axis with 31 bits.
         self.memory = wp.empty(-(-size // 8), dtype=wp.uint64, device=device)
         if not device.is_cuda:

@@ -45,6 +45,13 @@ def test_nothing_is_not_found_in_silence(backend, name):
         call(something)
 
 
+def test_a_decorator_of_another_module_is_not_the_caller():
+    dark = (PICTURE / 10000).astype(np.float32)
+    with pytest.warns(UserWarning, match="no keypoint was found") as caught:
+        cvkern.match_photographs(dark, dark, data_range=1.0)
+    assert {warning.filename for warning in caught} == {__file__}
+
+
 def test_thresholds_of_opencv_are_refused():
     """They are in values of 8 bits, which here would find nothing."""
     with pytest.raises(ValueError, match="fast_threshold must be at most 1, a part of white"):
