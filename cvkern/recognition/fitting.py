@@ -159,8 +159,8 @@ def discounted(
         return np.bincount(words, minlength=count) / max(sum(len(e.matches) for e in examples), 1)
 
     own, other = rate(objects), rate(backgrounds)
-    rare = SPREAD_RARE * own.sum() / count
-    share = own / (own + other + rare)
+    total = own + other + SPREAD_RARE * own.sum() / count
+    share = np.divide(own, total, out=np.zeros(count), where=total > 0)
     entries[:, 3] = np.floor(entries[:, 3] * np.repeat(share, np.diff(starts)))
     return entries
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cvkern
-from tests.recognition.alphabet import thing, things
+from tests.recognition.alphabet import clutter, thing, things
 
 
 def refused(error, said, function, *args, **options):
@@ -84,6 +84,12 @@ def test_fitting(arguments, error, said):
 def test_objects_that_show_nothing():
     with pytest.raises(ValueError, match="images must have patches that are not flat"):
         cvkern.ShapeModel(20).fit([np.zeros((30, 40))])
+
+
+def test_words_that_no_patch_activates():
+    model = cvkern.ShapeModel(20, patch=12, step=3, correlation=1.0)
+    model.fit(things(2), negatives=[clutter((60, 90), 1)])
+    assert len(model.detect(things(1)[0]).scores) == 0
 
 
 def test_detection():
