@@ -67,10 +67,11 @@ def white_of_all(images: Any, data_range: float | None = None) -> float:
 
 
 def _summary(image: Any) -> tuple[float, float]:
-    """Return the largest value of an image, and about its mean."""
+    """Return the largest value of an image, and about its mean, which integers do not need."""
+    real = library(image).dtype(image).kind == "f"
     values = library(image).contiguous(image, np.dtype(np.float32))
     if not hasattr(values, "max"):  # Warp's arrays
         rt = runtime(image)
         values = rt.to_numpy(rt.adopt(values))
     with np.errstate(all="ignore"):
-        return float(values.max()), float(values.mean())
+        return float(values.max()), float(values.mean()) if real else 0.0

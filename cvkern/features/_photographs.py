@@ -31,7 +31,7 @@ def check_photograph(
 
 
 def warn_of_dark(rt: Runtime, image: Any, white: float) -> None:
-    """Warn that an image has no keypoints if it is far darker than white: so are 12 bits in 16."""
+    """Warn that an image has no keypoints if it is far darker than white."""
     if not may_look(rt):
         return
     values = as_host(rt, image)
