@@ -379,7 +379,8 @@ def check_out(out: Any, image: Any, dtype: Any) -> None:
     if place != wanted:
         raise ValueError(f"out must be on the device of the image, {wanted}, got {place}")
     writeable = not isinstance(out, np.ndarray) or out.flags.writeable
-    if library.contiguous(out, np.dtype(dtype)) is not out or not writeable:
+    # Of its own dtype, because NumPy copies to an equal dtype that is another object.
+    if library.contiguous(out, library.dtype(out)) is not out or not writeable:
         raise ValueError("out must be contiguous and writeable, got an array that is not")
     if _share_memory(out, image, place):
         raise ValueError("out must not share memory with the image, got one that does")
