@@ -379,7 +379,7 @@ def check_out(out: Any, image: Any, dtype: Any) -> None:
     if place != wanted:
         raise ValueError(f"out must be on the device of the image, {wanted}, got {place}")
     writeable = not isinstance(out, np.ndarray) or out.flags.writeable
-    # Of its own dtype, because NumPy copies to an equal dtype that is another object.
+    # Its own dtype is given: NumPy copies to an equal dtype that is another object.
     if library.contiguous(out, library.dtype(out)) is not out or not writeable:
         raise ValueError("out must be contiguous and writeable, got an array that is not")
     if _share_memory(out, image, place):
