@@ -98,6 +98,13 @@ def test_saturated_pixels_do_not_count():
         assert angle(cvkern.estimate_illuminant(image, method), LIGHT) < 1e-3
 
 
+def test_values_at_the_limit(backend):
+    """245 / 250 is the limit in float64, which is above it in float32."""
+    image = np.full((5, 5, 3), 50, np.uint8)
+    image[0, 0], image[4, 4] = (245, 10, 20), 250
+    np.testing.assert_array_equal(cvkern.estimate_illuminant(image, "grey_world"), np.ones(3))
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_one_colour_is_that_of_the_light(method):
     for shape in ((40, 50, 1), (1, 1, 1)):

@@ -69,7 +69,7 @@ def _gather(
                 good = good and finite
                 for c in ti.static(range(3)):
                     value = wide_product(ti.cast(image[v, u, c], ti.f64) - black, scale, zero)
-                    good = good and 0.0 < value < SATURATED
+                    good = good and 0.0 < value < ti.f64(SATURATED)
                     if finite:
                         sums[c] += value
         share = ti.f64(1.0) / ti.cast(tall * wide, ti.f64)

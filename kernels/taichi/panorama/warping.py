@@ -95,7 +95,7 @@ def _place(
     dz = wide_product(columns[j, 1], rows[i, 0], zero)
     d = ti.Vector([dx, rows[i, 1], dz], dt=ti.f64)
     depth = _row_of(m, n, 2, d, zero)
-    safe = ti.max(depth, ti.cast(NEAR, ti.f64))
+    safe = ti.max(depth, ti.f64(NEAR))
     x = _row_of(m, n, 0, d, zero) / safe
     y = _row_of(m, n, 1, d, zero) / safe
     k = m[n, 9]
@@ -122,7 +122,7 @@ def _weight(at: ti.template(), height: ti.i32, width: ti.i32, zero: ti.i32) -> t
     two = ti.cast(2.0, ti.f64)
     across = 1.0 - ti.abs(wide_product(two, at[0] + half, zero) / width - 1.0)
     down = 1.0 - ti.abs(wide_product(two, at[1] + half, zero) / height - 1.0)
-    if at[2] > ti.cast(NEAR, ti.f64) and across > 0.0 and down > 0.0:
+    if at[2] > ti.f64(NEAR) and across > 0.0 and down > 0.0:
         weight = ti.cast(across * down, ti.f32)
     return weight
 

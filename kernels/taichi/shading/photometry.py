@@ -171,12 +171,12 @@ def _weight(value: ti.f64, shown: ti.f64, spread: ti.f64, method: ti.i32) -> ti.
     weight = ti.cast(1.0, ti.f64)
     if spread > 0.0:
         if method == L1:
-            weight = 1.0 / ti.max(off / spread, ti.cast(1e-3, ti.f64))
+            weight = 1.0 / ti.max(off / spread, ti.f64(1e-3))
         elif method == CONSENSUS:
             weight = 1.0 / (1.0 + (off / spread) * (off / spread))
             if shown <= 0.0:
                 weight = 0.0
-            weight += codes.FLOOR
+            weight += ti.f64(codes.FLOOR)
     return weight
 
 
@@ -247,12 +247,12 @@ def _weigh(
                             if sweep == 0:
                                 variances[k, y, x] = 1.0
                             g = ti.cast(variances[k, y, x], ti.f64)
-                            weight = 1.0 / (g + codes.SPARSE_NOISE)
+                            weight = 1.0 / (g + ti.f64(codes.SPARSE_NOISE))
                         elif sweep > 0:
                             weight = _weight(value, light.dot(s), spread, method)
                         a += weight * light.outer_product(light)
                         b += (weight * value) * light
-                ridge = codes.RIDGE * a.trace()
+                ridge = ti.f64(codes.RIDGE) * a.trace()
                 for j in ti.static(range(3)):
                     a[j, j] += ridge
                 inverse = a.inverse()
@@ -269,7 +269,7 @@ def _weigh(
                         weight = ti.cast(1.0, ti.f64)
                         if method == BAYES:
                             g = ti.cast(variances[k, y, x], ti.f64)
-                            d = 1.0 / (g + codes.SPARSE_NOISE)
+                            d = 1.0 / (g + ti.f64(codes.SPARSE_NOISE))
                             lever = light.dot(inverse @ light)
                             e = g * d * off / brightest
                             g -= g * g * d * (1.0 - d * lever)
@@ -287,7 +287,7 @@ def _weigh(
             if 0.0 < length < ti.math.inf:
                 share = ti.cast(1.0, ti.f64)
                 if windows.shape[0] > 1:
-                    tiny = ti.cast(1e-6, ti.f64)
+                    tiny = ti.f64(1e-6)
                     share = 1.0 / (spread * ti.sqrt(ti.max(turn, 0.0)) + tiny)
                 mean += (share / length) * s
                 strength += share * length

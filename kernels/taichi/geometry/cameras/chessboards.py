@@ -232,7 +232,8 @@ def _refine(
                 s += ti.min(ti.max(ti.cast(change[4], ti.f32), -0.5 * s), s)
                 s = ti.min(ti.max(s, 0.25), 12.0)
                 # The next step would be far less than this one.
-                if ti.abs(move[0]) < CORNER_STILL and ti.abs(move[1]) < CORNER_STILL:
+                still = ti.f64(CORNER_STILL)
+                if ti.abs(move[0]) < still and ti.abs(move[1]) < still:
                     step = CORNER_STEPS
             residual = ti.sqrt(squares / ti.max(count - 9, 1))
             step += 1
