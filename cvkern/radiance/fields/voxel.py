@@ -137,7 +137,9 @@ class VoxelField:
     def check_state(self, state: Mapping[str, np.ndarray], frame: Frame) -> None:
         """Refuse a state of another resolution, before memory for it is allocated."""
         sides = [(n + 1,) * 3 for n in self.resolutions]
-        shape = shape_of(state, "density") if "density" in state else ()
+        if "density" not in state:
+            raise ValueError(f"state must have 'density', got {tuple(state)}")
+        shape = shape_of(state, "density")
         if shape not in sides:
             raise ValueError(f"density must have a shape of {sides}, got {shape}")
         most, width = math.prod(shape), 3 * (self.degree + 1) ** 2
