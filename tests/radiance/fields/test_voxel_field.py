@@ -155,5 +155,6 @@ def test_states_are_checked():
             field.restore(state | {"density": np.zeros((3, 3, 3), F32)})
         with pytest.raises(ValueError, match="state must have 'density'"):
             field.restore({k: v for k, v in state.items() if k != "density"})
+        rows = {k: np.zeros((1, v.shape[1]), F32) for k, v in state.items() if v.ndim == 2}
         with pytest.raises(ValueError, match="nodes must be numbers of nodes"):
-            field.restore(state | {"nodes": np.array([-1], I32)})
+            field.restore(state | rows | {"nodes": np.array([-1], I32)})
