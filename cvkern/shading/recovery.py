@@ -144,6 +144,8 @@ def shape_from_shading(
         if known.shape != (*shape, 3):
             raise ValueError(f"boundary must have shape {(*shape, 3)}, got {known.shape}")
         fixed = np.isfinite(known).all(axis=-1) & inside
+        known = np.where(fixed[..., None], known, 0.0)
+        known = known / np.maximum(np.abs(known).max(axis=-1, keepdims=True), 1e-30)
         known = known / np.maximum(np.linalg.norm(known, axis=-1, keepdims=True), 1e-30)
     if not fixed.any():
         raise ValueError(

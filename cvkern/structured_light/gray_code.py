@@ -116,8 +116,7 @@ def decode_gray_code(
             raise ValueError(f"{name} must have the shape of an image, {seen}, got {light.shape}")
     rt = runtime(images, *lights)
     dtype = library(images).dtype(images)
-    carried = carried_as(dtype)
-    frames = rt.adopt(images, carried)
+    frames = rt.adopt(images, carried_as(dtype))
     told = margin is not None
     if margin is None:
         margin = MARGIN * _noise(rt, frames, counts, integral=dtype.kind in "biu")
@@ -135,7 +134,9 @@ def decode_gray_code(
         )
         begin += count
     if lights:
-        bright, dark = (rt.adopt(light, carried) for light in lights)
+        kinds = {carried_as(library(light).dtype(light)) for light in lights}
+        kind = kinds.pop() if len(kinds) == 1 else np.float32
+        bright, dark = (rt.adopt(light, kind) for light in lights)
         rt.structured_light.gray_code.accept(bright, dark, contrast, good)
     if told and margin > 0 and may_look(rt):
         _warn_of_none(rt.to_numpy(frames), rt.to_numpy(good), margin)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from cvkern._checks import (
+    FLOAT32_MAX,
     as_items,
     as_numbers,
     check_choice,
@@ -318,7 +319,8 @@ def triangulate_lines(
     TypeError
         If an array does not hold real numbers, or `camera` is not a Camera.
     ValueError
-        If a shape does not match, or `angles` and `pivot` are not given together.
+        If a shape does not match, `angles` and `pivot` are not given together, or a number is not
+        finite.
 
     Examples
     --------
@@ -352,9 +354,12 @@ def triangulate_lines(
         turns = as_numbers(angles, "angles").ravel()
         if len(turns) != len(points):
             raise ValueError(f"angles must be of {len(points)} frames, got {len(turns)}")
+        if not (np.abs(turns) <= FLOAT32_MAX).all():
+            raise ValueError("angles must be finite in float32, got some that are not")
         center, along = _three(pivot, "pivot"), _three(spindle, "spindle")
         if not along.any():
             raise ValueError("spindle must be a direction, got zeros")
+        along = along / np.abs(along).max()
         along = along / np.linalg.norm(along)
         back = np.stack([turned(-angle * along) for angle in turns])
         points = np.einsum("nij,nlj->nli", back, points - center) + center

@@ -47,6 +47,9 @@ REFUSED = {
     "antialias": lambda: cvkern.resize(IMAGE, (2, 2), antialias=[]),
     "sigma": lambda: cvkern.corner_harris(IMAGE, sigma=1e300),
     "sigma must be real": lambda: cvkern.retinex(COLOURS, np.datetime64("2020-01-01")),
+    "angles must be finite": lambda: cvkern.triangulate_lines(
+        np.ones((1, 64)), CAMERA, (0, 0.6, 0.8, -1), angles=-np.inf, pivot=(0, 0, 1)
+    ),
     "points0 must be real": lambda: cvkern.fit_affine(PAIR.astype(str), PAIR),
     "points1 must be real": lambda: cvkern.fit_affine(PAIR, [[None, 1.0]] * 9),
     "out": lambda: cvkern.gaussian(IMAGE, out=3.5),
@@ -222,6 +225,20 @@ def test_refusals_name_their_argument(name):
         lambda: cvkern.images.luma(np.full((4, 5), 1e300)),
         lambda: cvkern.make_scan("laser", (1, 1), (1, 1), frames=1, noise=-0.0),
         lambda: cvkern.detect_chessboard(INFINITE.reshape(8, 64), (3, 3)),
+        lambda: cvkern.triangulate_lines(
+            np.ones((1, 64)),
+            CAMERA,
+            (0, 0.6, 0.8, -1),
+            angles=[1],
+            pivot=(0, 0, 1),
+            spindle=(0, 1e300, 1e300),
+        ),
+        lambda: cvkern.hough_line_peaks(
+            np.array([[np.inf, np.inf, 0]], "f4"), np.arange(3), [0], threshold=9, refine=True
+        ),
+        lambda: cvkern.shape_from_shading(
+            np.full((1, 2), 0.9), (0, 0, 1), boundary=[[[np.inf] * 3, [0, 1e300, 1e300]]]
+        ),
         lambda: cvkern.subpixel_edges(np.array([[0, 3e38, -3e38, 1e30, 5]] * 5, "f4"), 0.6, 1, 2),
     ],
 )

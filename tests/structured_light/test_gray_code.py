@@ -119,6 +119,10 @@ def test_the_default_contrast_is_two_margins(backend, light, valid):
     white, black = np.full((4, 6), 50 + light, np.uint8), np.full((4, 6), 50, np.uint8)
     found = cvkern.decode_gray_code(seen, (4, 6), white, black, axes=["columns"], margin=10)
     assert (found.valid == valid).all()
+    # Fractions of white count, although the patterns are bytes.
+    white = white + np.float32(0.5) - light
+    found = cvkern.decode_gray_code(seen, (4, 6), white, black, axes=["columns"], contrast=0.25)
+    assert found.valid.all()
 
 
 def test_codes_beyond_the_projector_are_none(backend):

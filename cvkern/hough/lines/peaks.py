@@ -202,7 +202,7 @@ def _steps(values: np.ndarray) -> np.ndarray:
 
 def _top(before: np.ndarray, here: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Return the offset of the parabola's maximum in [-0.5, 0.5]; 0 if a value is NaN."""
-    bend = 2 * here - before - after
     with np.errstate(divide="ignore", invalid="ignore"):
+        bend = 2 * here - before - after
         place = (after - before) / (2 * bend)
     return np.where(bend > 0, place, 0.0).clip(-0.5, 0.5)
