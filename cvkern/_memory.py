@@ -41,8 +41,8 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
 def _keep(block: np.ndarray) -> None:
     """Keep a block, and free others of sizes that were not used for longest."""
     _free.setdefault(block.size, []).append(block)
-    for room, free in list(_free.items()):
-        while free and sum(n * len(blocks) for n, blocks in list(_free.items())) > _MOST:
+    for room, free in _free.copy().items():
+        while free and sum(n * len(blocks) for n, blocks in _free.copy().items()) > _MOST:
             with suppress(IndexError):  # another thread took the last one
                 free.pop()
         if not free:

@@ -50,7 +50,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
 def release() -> None:
     """Free the pinned pages that no result uses."""
     global _locked
-    for room, free in list(_free.items()):
+    for room, free in _free.copy().items():
         with contextlib.suppress(IndexError):
             while True:
                 free.pop()

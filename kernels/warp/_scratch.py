@@ -111,7 +111,8 @@ def _make_room(own: dict[_Key, _Block], size: int) -> bool:
         return False
     with _lock:
         others = [blocks for blocks in _threads.values() if blocks is not own]
-    kept = [(blocks, *item) for blocks in (own, *others) for item in list(blocks.items())]
+    # A copy is made in one step; while a list is made of the items, another thread may change them.
+    kept = [(blocks, *item) for blocks in (own, *others) for item in blocks.copy().items()]
     total = size + sum(block.bytes_on_host for _, _, block in kept)
     for blocks, key, block in kept:
         if total <= most:
@@ -146,7 +147,7 @@ def release() -> None:
         _age += 1
         others = [blocks for blocks in _threads.values() if blocks is not own]
     for blocks in others:
-        for key, block in list(blocks.items()):
+        for key, block in blocks.copy().items():
             if block.bytes_on_host:
                 blocks.pop(key, None)
 
