@@ -189,23 +189,23 @@ def _guesses(
     """
     max_ratio, threshold, seed = options
     one, other = points
-    strict = min(max_ratio, STRICT)
-    for number, backwards in enumerate((False, False, True)):
-        ratio = strict if number else max_ratio
+    for strict in (False, True):
+        ratio = min(max_ratio, STRICT) if strict else max_ratio
         pairs = match_descriptors(found[0].descriptors, found[1].descriptors, ratio)
         pairs = as_host(rt, pairs)
         places = [one.places[pairs[:, 0], ::-1], other.places[pairs[:, 1], ::-1]]
-        source, target = reversed(places) if backwards else places
-        fit = find_homography(source, target, threshold, seed=seed)
-        if fit.matrix is None or _is_flat(fit.matrix):
-            continue
-        matrix = np.linalg.inv(fit.matrix) if backwards else fit.matrix
-        inliers = pairs[np.asarray(fit.inliers)]
-        # Among few matches the wrong ones would count too much.
-        used = _joined(matrix, one, other, *(inliers if number else pairs).T)
-        matrix = _refined(matrix, used, threshold)
-        if not _is_flat(matrix):
-            yield _Guess(matrix, inliers)
+        for backwards in (False, True) if strict else (False,):
+            source, target = reversed(places) if backwards else places
+            fit = find_homography(source, target, threshold, seed=seed)
+            if fit.matrix is None or _is_flat(fit.matrix):
+                continue
+            matrix = np.linalg.inv(fit.matrix) if backwards else fit.matrix
+            inliers = pairs[np.asarray(fit.inliers)]
+            # Among few matches the wrong ones would count too much.
+            used = _joined(matrix, one, other, *(inliers if strict else pairs).T)
+            matrix = _refined(matrix, used, threshold)
+            if not _is_flat(matrix):
+                yield _Guess(matrix, inliers)
 
 
 def _is_flat(matrix: np.ndarray) -> bool:
