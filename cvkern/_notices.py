@@ -1,4 +1,4 @@
-"""Warnings of results that are empty because of a setting."""
+"""Warnings on the line that called cvkern, and when a look at a result costs nothing."""
 
 from __future__ import annotations
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cvkern._checks import as_array, as_items, as_numbers, check_choice
+from cvkern._notices import warn
 from cvkern._runtime import Runtime
 from cvkern.features._photographs import as_host
 from cvkern.geometry._matrices import check_camera
@@ -51,7 +51,7 @@ def read_folder(folder: Path, data_range: float | None, say: Progress) -> Photog
         try:
             image = read_image(file, orient=False)
         except ValueError as error:
-            warnings.warn(f"a photograph is left out: {error}", stacklevel=4)
+            warn(f"a photograph is left out: {error}")
             continue
         one = make_small(check_heap([image], data_range), data_range)
         # Only shape and dtype are needed of the large one, not its memory.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from cvkern._ahead import compiles_ahead
 from cvkern._checks import check_integer, check_positive
+from cvkern._notices import warn
 from cvkern.stereo.depth import PointCloud
 from cvkern.stereo.matching import stereo_match
 
@@ -212,9 +212,7 @@ def _cameras(K: Any, images: tuple[Any, Any], photos: list[np.ndarray]) -> list[
             np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1.0]])
         )
     if guessed:
-        warnings.warn(
-            f"the focal length is guessed of {' and '.join(guessed)}: give K", stacklevel=3
-        )
+        warn(f"the focal length is guessed of {' and '.join(guessed)}: give K")
     return cameras
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cvkern._notices import warn
 from cvkern.radiance.pinhole import Cameras, cameras
 from cvkern.radiance.scenes._masks import read_masks
 from cvkern.radiance.scenes.photographs import (
@@ -131,11 +131,10 @@ def warn_of_past(views: Cameras, bounds: Bounds, where: str, way_out: str) -> No
     enter, leave = np.fmin(*sides).max(axis=1), np.fmax(*sides).min(axis=1)
     past = float(np.mean(~((enter <= leave) & (leave > 0))))
     if past > PAST:
-        warnings.warn(
+        warn(
             f"{where}{past:.0%} of the cameras look past the scene's cube, of half side "
             f"{bounds.half:g} about {bounds.center}: photographs show things outside of it; "
-            f"{way_out}",
-            stacklevel=5,
+            f"{way_out}"
         )
 
 

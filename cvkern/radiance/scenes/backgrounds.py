@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 
+from cvkern._notices import warn
 from cvkern.radiance.scenes.photographs import Scene
 
 ALIKE, UNIFORM = 6, 0.95  # grey levels, and share of the borders, for a background of one colour
@@ -22,10 +21,9 @@ def seen_behind(scene: Scene) -> str:
         return "random"
     white, black = (color >= 255 - ALIKE).all(), (color <= ALIKE).all()
     chosen = "white" if white else "black" if black else "learnt"
-    warnings.warn(
+    warn(
         f"background is {chosen!r}, because {same:.0%} of the photographs' borders have one "
-        f"colour, {tuple(color.astype(int).tolist())}: choose another by background=",
-        stacklevel=4,
+        f"colour, {tuple(color.astype(int).tolist())}: choose another by background="
     )
     return chosen
 
